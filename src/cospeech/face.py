@@ -1,0 +1,14 @@
+"""Face models by name: what each expression coefficient of a clip means. Read from one table each (`faces/*.yaml`)."""
+
+from importlib.resources import files
+
+import yaml
+
+
+def expression_names(model):
+    """Names of the E expression coefficients of a face model, or None when the model has no table here."""
+    table = files("cospeech") / "faces" / f"{model}.yaml"
+    return tuple(yaml.safe_load(table.read_text())["expressions"]) if model and table.is_file() else None
+
+
+COSPEECH64 = expression_names("cospeech64")
