@@ -1,6 +1,6 @@
 """The clip: one take of one speaker on one clock. Every annotation ends as one, and every synthesis is one."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import h5py
@@ -103,6 +103,26 @@ class Clip:
         """The clip's motion without its sound, as generators exchange it."""
         return Motion(self.positions, self.rotation, self.expression, self.face_model)
 
+    def section(self, start, stop):
+        """Frames start..stop as a clip of its own; words that lie wholly inside come along, shifted in time."""
+        per_frame = (
+            "positions",
+            "features",
+            "valid",
+            "confidence",
+            "root",
+            "expression",
+            "rotation",
+            "face_confidence",
+        )
+        cut = {name: None if (a := getattr(self, name)) is None else a[start:stop] for name in per_frame}
+        first, last = start / self.fps, stop / self.fps
+        inside = [i for i in range(len(self.words)) if self.words.start[i] >= first and self.words.end[i] <= last]
+        words = Words(
+            self.words.start[inside] - first, self.words.end[inside] - first, [self.words.text[i] for i in inside]
+        )
+        return replace(self, words=words, **cut)
+
     def validate(self, where=None):
         """Raise CospeechError, naming the array, unless shapes agree with T and every number is finite."""
         where = where or f"clip {self.subject}/{self.clip}"
@@ -170,8 +190,8 @@ class Clip:
             try:
                 clip = cls._from_file(file)
             except KeyError as error:
-                raise CospeechError(f"{path}: {str(error.args[0])}, so it is no complete clip") from error
-        if clip.extra.pop("skeleton") != UPPER55.name:
+                raise CospeechError(f"{path}: no complete clip, something is missing: {error.args[0]!s}") from error
+        if clip.extra.pop("skeleton", None) != UPPER55.name:
             raise CospeechError(f"{path}: its skeleton is not {UPPER55.name}; convert it first (docs/formats.md)")
         return clip.validate(Path(path))
 
@@ -179,7 +199,7 @@ class Clip:
     def _from_file(cls, file):
         get = lambda name: file[name][()] if name in file else None  # noqa: E731
         head = {k: v.item() if isinstance(v, np.generic) else v for k, v in file.attrs.items()}
-        known = {f.name for f in fields(cls)} & head.keys()
+        known = {f.name for f in fields(cls)} & head.keys() | {"subject", "clip", "fps"}
         written = {"schema", "schema_version", "frames", "units", "axes", "cospeech_version"}
         extra = {k: v for k, v in head.items() if k not in known | written}
         audio, face = file["audio"].attrs, file["face"].attrs if "face" in file else {}
@@ -194,4 +214,3 @@ class Clip:
             sample_rate=int(audio.get("sample_rate", 0)), loudness_lufs=float(audio.get("loudness_lufs", np.nan)),
             extra=extra,
         )  # fmt: skip
-

@@ -1,0 +1,51 @@
+"""What a file of this project holds, in words (`cospeech info`)."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from cospeech.errors import CospeechError
+from cospeech.weights import load_weights
+
+
+def describe(path):
+    """A text of several lines about an HDF5 or safetensors file; CospeechError when it is neither."""
+    path = Path(path)
+    if not path.is_file():
+        raise CospeechError(f"{path}: no such file")
+    if path.suffix == ".safetensors":
+        return _describe_weights(path)
+    try:
+        with h5py.File(path, "r") as file:
+            return "\n".join([f"{path}: {file.attrs.get('schema', 'HDF5 of another program')}", *_describe_group(file)])
+    except OSError as error:
+        raise CospeechError(f"{path}: neither HDF5 nor safetensors, or truncated") from error
+
+
+def _describe_group(group, depth=1):
+    indent = "  " * depth
+    for key, value in sorted(group.attrs.items()):
+        yield f"{indent}{key} = {value}"
+    for name, item in sorted(group.items()):
+        if isinstance(item, h5py.Group):
+            yield f"{indent}{name}/"
+            yield from _describe_group(item, depth + 1)
+        else:
+            yield f"{indent}{name}  {item.dtype} {item.shape}{_range(item)}"
+
+
+def _range(dataset):
+    """Smallest and largest number, for arrays small enough to read in a moment."""
+    if dataset.dtype.kind not in "fiu" or not 0 < dataset.size < 10_000_000:
+        return ""
+    values = dataset[()]
+    return f"  {np.min(values):.4g} .. {np.max(values):.4g}"
+
+
+def _describe_weights(path):
+    arrays, description = load_weights(path)
+    count = sum(array.size for array in arrays.values())
+    lines = [f"{path}: {len(arrays)} arrays, {count:,} numbers", *json.dumps(description, indent=2).splitlines()]
+    return "\n".join(lines)

@@ -1,0 +1,25 @@
+"""The resynchroniser at work: k-NN motion and speech in, refined motion out, through onnxruntime."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cospeech.skeleton import from_parent_relative, to_parent_relative, with_bone_lengths
+from cospeech.weights import OnnxNetwork
+
+
+class Resynchronizer:
+    """`resync`: the k-NN search followed by the conditional GAN (thesis section 5.3.3)."""
+
+    def __init__(self, knn, path, threads=None):
+        self.knn = knn
+        self.network = OnnxNetwork(path, threads)
+        self.lengths = np.array(self.network.description["bone_lengths"])
+
+    def generate(self, features, *, seed=0, **options):
+        """features (T, 28) and the options of the k-NN search -> Motion of T frames, the speaker's bones in length."""
+        matched = self.knn.generate(features, seed=seed, **options)
+        relative = to_parent_relative(matched.positions).reshape(len(matched), -1)
+        refined = self.network.run_long(features=features, matched=relative)["motion"]
+        positions = from_parent_relative(refined.reshape(matched.positions.shape))
+        return replace(matched, positions=with_bone_lengths(positions, self.lengths))

@@ -1,0 +1,132 @@
+"""Every generator under one interface, from training to a clip: `train_model`, `load_generator`, `synthesize`.
+
+A generator has `generate(features (T, 28), *, seed=0, ...) -> Motion` of T frames, any T.
+"""
+
+import json
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from cospeech.clip import Clip, Words
+from cospeech.errors import CospeechError
+from cospeech.settings import settings_of
+
+TRAINED = ("regression", "gesture_gan", "resync")  # have weights under results/<subject>/models/
+MATCHED = ("knn", "resync")  # need the subject's database
+MODELS = ("regression", "gesture_gan", "knn", "resync")
+SMOOTHING = 1.5  # frames; published Gaussian on body, hands and head rotation at 15 Hz (thesis section 4.3)
+
+
+def check_model(model):
+    """CospeechError that lists the known models, unless `model` is one."""
+    if model not in MODELS:
+        raise CospeechError(f"model {model!r} is not known; known: {', '.join(MODELS)}")
+
+
+def train_model(model, clips, settings, *, seed, folder, checkpoint=None, database=None, threads=None):
+    """Train one network and write weights.safetensors, model.onnx and history.h5 into `folder`.
+
+    Parameters
+    ----------
+    model : one of `TRAINED`.
+    clips : list of Clip, the training part.
+    settings : dict, the budget's section for this model; missing keys have the published values.
+    checkpoint : path for resuming; outside `folder`. database : Database of the training part, for `resync`.
+    threads : int, CPU threads of torch.
+    """
+    import torch
+
+    from cospeech.training import finish, train
+    from cospeech.weights import export_onnx, save_weights
+
+    if threads:
+        torch.set_num_threads(threads)
+    task = _task(model, clips, settings, seed, database)
+    identity = sha256(json.dumps(task.description, sort_keys=True, default=str).encode())
+    for clip in clips:
+        identity.update(clip.features.tobytes() + clip.positions.tobytes())
+    history = train(
+        task, task.settings.steps, seed=seed, checkpoint=checkpoint, identity=identity.hexdigest(),
+        label=f"{clips[0].subject} {model}",
+    )  # fmt: skip
+    module, example, outputs = task.export()
+    folder = Path(folder)
+    save_weights(folder / "weights.safetensors", module.state_dict(), task.description)
+    export_onnx(module, folder / "model.onnx", example, outputs, task.description)
+    history.write(folder / "history.h5")
+    finish(checkpoint)
+
+
+def _task(model, clips, settings, seed, database):
+    if model == "resync":
+        from cospeech.matching.resync import ResyncTask, Settings
+
+        return ResyncTask(clips, settings_of(Settings(), settings, model), seed, database)
+    from cospeech.gestures.gesture_gan import GestureTask, Settings
+
+    defaults = replace(Settings(), adversarial=model == "gesture_gan")
+    return GestureTask(clips, settings_of(defaults, settings, model), seed)
+
+
+def load_generator(model, subject_folder, threads=None):
+    """The generator `model` of the subject whose results lie in `subject_folder`, ready to `generate`."""
+    check_model(model)
+    subject_folder = Path(subject_folder)
+    onnx = subject_folder / "models" / model / "model.onnx"
+    if model not in MATCHED:
+        from cospeech.gestures.generate import GestureGenerator
+
+        return GestureGenerator(onnx, threads)
+    from cospeech.matching import KNN, Database
+
+    knn = KNN(Database.load(subject_folder / "database.h5"))
+    if model == "knn":
+        return knn
+    from cospeech.matching.refine import Resynchronizer
+
+    return Resynchronizer(knn, onnx, threads)
+
+
+def smooth(motion, sigma=SMOOTHING):
+    """The published zero-phase Gaussian over time on joints and head rotation, not on expression. sigma in frames."""
+    blur = lambda x: None if x is None or not sigma else gaussian_filter1d(x, sigma, axis=0, mode="nearest")  # noqa: E731
+    if not sigma:
+        return motion
+    return replace(motion, positions=blur(motion.positions), rotation=blur(motion.rotation))
+
+
+def synthesize(
+    generator, samples, rate, *, subject, clip, model, fps=15.0, seed=0, words=None, smoothing=None, audio="",
+    source="", source_sha256="", **options,
+):  # fmt: skip
+    """Speech in, a generated Clip of round(duration * fps) frames out.
+
+    Parameters
+    ----------
+    samples (N,) float32 mono, rate : the speech.
+    smoothing : sigma in frames; None is the published 1.5 for networks and none for plain k-NN, whose frames are the
+        speaker's own. The value is kept in the clip's attribute `smoothing`.
+    options : passed to the generator (k, initial, mask...).
+    """
+    from cospeech.speech import integrated_loudness, speech_features
+
+    frames = round(len(samples) / rate * fps)
+    if not frames:
+        raise CospeechError(
+            f"{source or clip}: {len(samples) / rate:.3f} s of sound is less than one frame at {fps} fps"
+        )
+    features = speech_features(samples, rate, fps, frames)
+    if smoothing is None:
+        smoothing = 0.0 if model == "knn" else SMOOTHING
+    motion = smooth(generator.generate(features, seed=seed, **options), smoothing)
+    return Clip(
+        subject, clip, fps, motion.positions.astype(np.float32), features,
+        rotation=motion.rotation, expression=motion.expression, face_model=motion.face_model,
+        words=words or Words.none(), audio=audio, sample_rate=rate, loudness_lufs=integrated_loudness(samples, rate),
+        source=source, source_sha256=source_sha256, generator=model,
+        extra={"smoothing": float(smoothing), "seed": seed},
+    )  # fmt: skip
