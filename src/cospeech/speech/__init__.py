@@ -1,0 +1,19 @@
+"""Speech: sound files, loudness, the 28 speech features of every motion frame, onsets and word times."""
+
+from cospeech.speech.audio import audio_duration, load_audio, write_wav
+from cospeech.speech.features import speech_features
+from cospeech.speech.loudness import integrated_loudness, normalize_loudness
+from cospeech.speech.onsets import speech_onsets
+from cospeech.speech.words import find_words, read_words
+
+__all__ = [
+    "audio_duration",
+    "find_words",
+    "integrated_loudness",
+    "load_audio",
+    "normalize_loudness",
+    "read_words",
+    "speech_features",
+    "speech_onsets",
+    "write_wav",
+]
