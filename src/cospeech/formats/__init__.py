@@ -1,0 +1,1 @@
+"""Files of other programs: motion capture in; BVH, glTF and CSV out."""
