@@ -62,7 +62,7 @@ def export_onnx(module, path, inputs, outputs, description):
     shapes = tuple({0: batch, 2: time} for _ in inputs)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FutureWarning)  # about torch's use of its own API
+        warnings.simplefilter("ignore")  # the exporter's remarks on its own API and on names of shared axes
         program = torch.onnx.export(
             module.eval(), tuple(inputs.values()), input_names=list(inputs), output_names=list(outputs),
             dynamic_shapes=shapes, dynamo=True, verbose=False,

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 import torch
-from tests.conftest import make_clip
 
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
@@ -17,6 +16,7 @@ from cospeech.synthesis import train_model
 from cospeech.training import train
 from cospeech.unet1d import HALO, PRESETS, Critic, Decoder, Encoder
 from cospeech.weights import load_weights
+from tests.conftest import make_clip
 
 SMALL = {"steps": 120, "batch": 8, "width": 0.1, "learning_rate": 3e-3}
 

@@ -93,7 +93,8 @@ class GestureTask:
         self.generator = GestureNetwork(channels, widths, statistics).to(device())
         betas = settings.betas
         self.modules = {"generator": self.generator}
-        self.optimizers = {"generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate, betas)}
+        self.optimizers = {"generator": torch.optim.Adam(
+            self.generator.parameters(), settings.learning_rate, betas, fused=True)}
         if settings.adversarial:
             judged = channels["features"] + BODY_CHANNELS + HAND_CHANNELS
             discriminator = Critic(judged, widths.critic, settings.frames).to(device())
