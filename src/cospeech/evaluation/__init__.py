@@ -1,0 +1,1 @@
+"""How good is a motion: the field's metrics, their feature network, and the tables they end in."""
