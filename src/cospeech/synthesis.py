@@ -27,7 +27,7 @@ def check_model(model):
         raise CospeechError(f"model {model!r} is not known; known: {', '.join(MODELS)}")
 
 
-def train_model(model, clips, settings, *, seed, folder, checkpoint=None, database=None, threads=None):
+def train_model(model, clips, settings, *, seed, folder, checkpoint=None, database=None, starts=None, threads=None):
     """Train one network and write weights.safetensors, model.onnx and history.h5 into `folder`.
 
     Parameters
@@ -36,6 +36,7 @@ def train_model(model, clips, settings, *, seed, folder, checkpoint=None, databa
     clips : list of Clip, the training part.
     settings : dict, the budget's section for this model; missing keys have the published values.
     checkpoint : path for resuming; outside `folder`. database : Database of the training part, for `resync`.
+    starts : seconds at which each clip begins in its take, for `resync`; None when all begin at 0.
     threads : int, CPU threads of torch.
     """
     import torch
@@ -45,7 +46,7 @@ def train_model(model, clips, settings, *, seed, folder, checkpoint=None, databa
 
     if threads:
         torch.set_num_threads(threads)
-    task = _task(model, clips, settings, seed, database)
+    task = _task(model, clips, settings, seed, database, starts)
     identity = sha256(json.dumps(task.description, sort_keys=True, default=str).encode())
     for clip in clips:
         identity.update(clip.features.tobytes() + clip.positions.tobytes())
@@ -61,11 +62,11 @@ def train_model(model, clips, settings, *, seed, folder, checkpoint=None, databa
     finish(checkpoint)
 
 
-def _task(model, clips, settings, seed, database):
+def _task(model, clips, settings, seed, database, starts):
     if model == "resync":
         from cospeech.matching.resync import ResyncTask, Settings
 
-        return ResyncTask(clips, settings_of(Settings(), settings, model), seed, database)
+        return ResyncTask(clips, settings_of(Settings(), settings, model), seed, database, starts)
     from cospeech.gestures.gesture_gan import GestureTask, Settings
 
     defaults = replace(Settings(), adversarial=model == "gesture_gan")

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import torch
-from cospeech.matching.knn import fake_pairs
 from torch import nn
 from torch.nn import functional as F
 
+from cospeech.matching.knn import fake_pairs
 from cospeech.skeleton import bone_lengths, to_parent_relative
 from cospeech.training import autocast, device
 from cospeech.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
@@ -86,10 +86,10 @@ def gradient_penalty(critic, real, fake):
 class ResyncTask:
     """Training of the resynchroniser, for `cospeech.training.train`."""
 
-    def __init__(self, clips, settings, seed, database):
+    def __init__(self, clips, settings, seed, database, starts=None):
         torch.manual_seed(seed)
         self.settings = settings
-        self.windows = training_pairs(clips, database, settings, seed)
+        self.windows = training_pairs(clips, database, settings, seed, starts)
         statistics = {name: self.windows.statistics(name) for name in ("features", "motion")}
         self.generator = ResyncNetwork(clips[0].features.shape[1], settings, statistics).to(device())
         channels = clips[0].features.shape[1] + MOTION_CHANNELS
@@ -97,7 +97,12 @@ class ResyncTask:
         self.critic = Critic(channels, widths, settings.frames, "instance", "leaky", "average", bias=False)
         self.critic.to(device())
         self.modules = {"generator": self.generator, "critic": self.critic}
-        options = {"lr": settings.learning_rate, "betas": settings.betas, "weight_decay": settings.weight_decay}
+        options = {
+            "lr": settings.learning_rate,
+            "betas": settings.betas,
+            "weight_decay": settings.weight_decay,
+            "fused": True,
+        }
         self.optimizers = {name: torch.optim.Adam(m.parameters(), **options) for name, m in self.modules.items()}
         lengths = np.median([bone_lengths(clip.positions) for clip in clips], axis=0)
         self.description = {
@@ -149,13 +154,18 @@ class ResyncTask:
         return self.generator.cpu().eval(), example, ["motion"]
 
 
-def training_pairs(clips, database, settings, seed):
-    """Windows of (features, real motion, k-NN motion), one every `stride` frames, motions parent-relative (T, 165)."""
+def training_pairs(clips, database, settings, seed, starts=None):
+    """Windows of (features, real motion, k-NN motion), one every `stride` frames, motions parent-relative (T, 165).
+
+    starts : seconds at which each clip begins in its take (None: at 0), so that with a single take in the database a
+    window is not matched with itself.
+    """
     sources = [{"features": c.features, "positions": c.positions.reshape(len(c), -1)} for c in clips]
     windows = Windows(sources, [c.valid for c in clips], settings.frames, settings.stride)
-    takes = np.repeat([c.clip for c in clips], [len(c) for c in clips])[windows.starts]
+    takes = np.concatenate([np.full(len(c), c.clip) for c in clips])[windows.starts]
+    clock = [np.arange(len(c)) / c.fps + start for c, start in zip(clips, starts or [0.0] * len(clips), strict=True)]
     every = windows.take(slice(None))
-    matched = fake_pairs(database, every["features"], takes, seed=seed)
+    matched = fake_pairs(database, every["features"], takes, np.concatenate(clock)[windows.starts], seed=seed)
     relative = lambda x: to_parent_relative(x.reshape(*x.shape[:2], -1, 3)).reshape(*x.shape[:2], -1)  # noqa: E731
     motion, matched = relative(every["positions"]), relative(matched)
     sequences = [

@@ -1,0 +1,60 @@
+"""The search on speech that is still being spoken."""
+
+import numpy as np
+
+from cospeech.clip import FEATURES
+from cospeech.matching.features import LOOKAHEAD, WINDOW
+from cospeech.matching.search import Masks, check_options, checked, tell
+
+COMPILED_CLIPS = 500  # from which compiled kernels are used, as nobody knows how long the speech will be
+
+
+class Stream:
+    """Speech features in, gestures out, as they come. A window is out once 15 frames from its first have been fed.
+
+    The latency is thus 15 frames (1 s at 15 fps), which is the look-ahead of the audio feature. `clip`, `frame` and
+    `positions` hold everything so far.
+    """
+
+    def __init__(self, matcher, k, mask, initial, seed, variant, exclude_take):
+        check_options(np.array([k]), variant)
+        self.matcher = matcher
+        self._masks = Masks(matcher.database, mask, None)
+        self._k, self._excluded = np.array([k]), np.array([matcher.span(exclude_take)], np.int64)
+        self._pose = matcher.initial(initial, [seed], self._masks)
+        self._step = matcher.stepper(variant, len(matcher.database) > COMPILED_CLIPS)
+        self._heard = np.zeros((0, FEATURES), np.float32)  # from the first frame of the next window on
+        self._fed = 0
+        self._found = np.zeros((0, 5), np.int64)
+
+    def feed(self, features):
+        """(n, 28) further speech features, any n -> Match of the windows that are now certain (perhaps none)."""
+        features = checked(features, empty=True)
+        self._heard = np.concatenate([self._heard, features])
+        self._fed += len(features)
+        return self._advance(max(0, (len(self._heard) - LOOKAHEAD - 1) // WINDOW + 1))
+
+    def finish(self):
+        """The speech is over -> Match of the remaining windows, the last one cut to the speech's end."""
+        return self._advance(-(-len(self._heard) // WINDOW))
+
+    @property
+    def match(self):
+        """Match of all windows so far."""
+        return self.matcher.collect(self._found, min(self._fed, WINDOW * len(self._found)))
+
+    clip = property(lambda self: self.match.clip)
+    frame = property(lambda self: self.match.frame)
+    positions = property(lambda self: self.match.positions)
+
+    def _advance(self, windows):
+        done, database = len(self._found), self.matcher.database
+        frames = min(windows * WINDOW, len(self._heard))
+        audio = self.matcher.query_features(self._heard, frames) if windows else ()
+        for query in audio:
+            found = self._step(self._masks, len(self._found), self._pose, query[None], self._k, self._excluded)
+            self._found = np.concatenate([self._found, found])
+            self._pose = database.pose[found[:, 0], found[:, 1] + WINDOW - 1]
+        tell(self._found[done:, 4], done)
+        self._heard = self._heard[frames:]
+        return self.matcher.collect(self._found[done:], frames)
