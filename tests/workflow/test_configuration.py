@@ -1,0 +1,169 @@
+"""Config, subject and budget files: what is accepted, and the one line that each mistake gets."""
+
+import re
+from dataclasses import asdict, fields
+
+import pytest
+import yaml
+from configuration import check, read_configuration, read_subject, read_yaml
+
+from cospeech.errors import CospeechError
+from tests.workflow.conftest import ROOT
+
+SCHEMAS = ROOT / "workflow" / "schemas"
+TAKE = {"id": "a", "motion": "a.bvh", "audio": "a.wav"}
+MOCAP = {"kind": "mocap", "skeleton": "zeggs"}
+
+
+@pytest.fixture
+def here(project, monkeypatch):
+    monkeypatch.chdir(project)
+    for name in ("a.bvh", "a.wav", "talk.wav"):
+        (project / name).touch()
+    return project
+
+
+def complaint(config, **changes):
+    """The message about the tiny configuration with these changes."""
+    with pytest.raises(CospeechError) as error:
+        read_configuration(read_yaml(config) | changes, config, ROOT)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def subject_complaint(content):
+    """The message about a subject file of this content."""
+    with open("bad.yaml", "w", encoding="utf-8") as file:
+        yaml.safe_dump(content, file)
+    with pytest.raises(CospeechError) as error:
+        read_subject("bad.yaml")
+    assert "\n" not in str(error.value) and str(error.value).startswith("bad.yaml: ")
+    return str(error.value)
+
+
+def test_default_configuration_has_both_demo_speakers():
+    subjects, budget = read_configuration(read_yaml(ROOT / "config/config.yaml"), "config/config.yaml", ROOT)
+    assert list(subjects) == ["calm", "lively"]
+    assert budget["threads"] >= 1
+    for subject in subjects.values():
+        assert len(subject.takes_of("test")) == len(subject.takes_of("val")) == 1
+        assert len(subject.takes_of("train")) == 8
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"modles": ["knn"]}, ["config.yaml", "modles", "models"]),
+        ({"models": ["knn", "foo"]}, ["models[1]", "foo", "gesture_gan"]),
+        ({"models": []}, ["models", "empty"]),
+        ({"subjects": []}, ["subjects", "empty"]),
+        ({"subjects": ["../x"]}, ["subjects", "../x", "calm"]),
+        ({"subjects": ["nowhere.yaml"]}, ["nowhere.yaml", "no such file"]),
+        ({"subjects": ["subject.yaml", "./subject.yaml"]}, ["subject.yaml", "tiny", "taken"]),
+        ({"budget": "nix"}, ["budget", "nix", "demo"]),
+        ({"fps": "15"}, ["fps", "15"]),
+        ({"fps": 0}, ["fps"]),
+        ({"seed": -1}, ["seed"]),
+    ],
+)
+def test_mistakes_in_the_config(here, changes, words):
+    message = complaint("config.yaml", **changes)
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"subject": "nobody"}, ["nobody", "tiny"]),
+        ({"model": "resync"}, ["resync", "regression"]),
+        ({"audio": "gone.wav"}, ["gone.wav", "no such file"]),
+        ({"name": "../talk"}, ["../talk"]),
+        ({"name": "take01"}, ["take01", "taken"]),
+        ({"k": 2}, ["k", "regression"]),
+        ({"speed": 2}, ["synthesis[0]", "speed"]),
+    ],
+)
+def test_mistakes_in_synthesis_entries(here, change, words):
+    entry = {"name": "talk", "subject": "tiny", "audio": "talk.wav", "model": "regression"}
+    read_configuration(read_yaml("config.yaml") | {"synthesis": [entry]}, "config.yaml", ROOT)
+    message = complaint("config.yaml", synthesis=[entry | change])
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"name": "../x"}, ["name", "../x"]),
+        ({"name": "a\n"}, ["name"]),
+        ({"source": {"kind": "tape"}}, ["source.kind", "tape", "mocap"]),
+        ({"source": MOCAP | {"takes": []}}, ["source.takes", "empty"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"strat": 1.0}]}}, ["takes[0]", "strat", "start"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"part": "dev"}]}}, ["part", "dev", "val"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"motion": "b.bvh"}]}}, ["'a'", "motion", "b.bvh", "no such file"]),
+        ({"source": MOCAP | {"takes": [TAKE, TAKE]}}, ["'a'", "twice"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"start": 5, "end": 5}]}}, ["'a'", "start"]),
+        ({"source": MOCAP | {"takes": [{"id": "a", "motion": "a.bvh"}]}}, ["audio", "missing"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"part": "train"}]}}, ["test", "empty"]),
+        ({"source": {"kind": "demo", "speaker": "calm", "minutes": 0, "takes": 2}}, ["minutes"]),
+        ({"split": {"train": 0.8, "vla": 0.1}}, ["split", "vla", "val"]),
+    ],
+)
+def test_mistakes_in_a_subject_file(here, change, words):
+    good = {"name": "x", "source": MOCAP | {"takes": [TAKE]}}
+    message = subject_complaint(good | change)
+    assert all(word in message for word in words), message
+
+
+@pytest.mark.parametrize("text", ["- a\n- b\n", "name: [\n", "\x00"])
+def test_a_file_that_is_no_mapping_is_named(here, text):
+    (here / "bad.yaml").write_text(text)
+    with pytest.raises(CospeechError, match=r"^bad\.yaml: .*$"):
+        read_subject("bad.yaml")
+
+
+def test_parts_are_known_before_any_recording_is_read(here):
+    takes = [TAKE | {"id": "a", "part": "train"}, TAKE | {"id": "b", "part": "test"}]
+    (here / "two.yaml").write_text(yaml.safe_dump({"name": "x", "source": MOCAP | {"takes": takes}}))
+    subject = read_subject("two.yaml")
+    assert subject.takes_of("train") == ["a"] and subject.takes_of("test") == ["b"]
+    assert subject.parts == {"a": "train", "b": "test"}
+    single = {"name": "x", "source": MOCAP | {"takes": [TAKE]}, "split": {"by": "time"}}
+    (here / "one.yaml").write_text(yaml.safe_dump(single))
+    subject = read_subject("one.yaml")
+    assert subject.takes_of("train") == subject.takes_of("test") == ["a"]
+    assert subject.parts == {"a": None}
+
+
+def test_every_key_is_in_the_default_files_and_commented():
+    for file, schema in (("config.yaml", "config"), ("subjects/calm.yaml", "subject"), ("budgets/demo.yaml", "budget")):
+        text = (ROOT / "config" / file).read_text()
+        known = read_yaml(SCHEMAS / f"{schema}.schema.yaml")["properties"]
+        assert set(yaml.safe_load(text)) == set(known)
+        for key in known:
+            assert re.search(rf"^# .*\n{key}:|^\n{key}:\n  # ", text, re.MULTILINE), f"{file}: {key} has no comment"
+
+
+def test_budget_keys_are_the_trainings_settings():
+    from cospeech.evaluation.fgd import Settings as FeatureNet
+    from cospeech.gestures.gesture_gan import Settings as Gesture
+    from cospeech.matching.resync import Settings as Resync
+
+    schema = read_yaml(SCHEMAS / "budget.schema.yaml")
+    chosen_by_model = {"adversarial"}
+    sections = {"resync": Resync, "feature_net": FeatureNet}
+    known = {name: schema["properties"][name]["properties"] for name in sections}
+    for name, settings in {**sections, "gesture": Gesture}.items():
+        keys = set(known.get(name) or schema["$defs"]["gesture"]["properties"])
+        assert keys == {field.name for field in fields(settings)} - chosen_by_model
+
+
+def test_paper_budget_holds_the_published_values():
+    from cospeech.gestures.gesture_gan import Settings as Gesture
+    from cospeech.matching.resync import Settings as Resync
+
+    paper = read_yaml(ROOT / "config/budgets/paper.yaml")
+    check(paper, "budget", "paper.yaml")
+    for name, settings in {"regression": Gesture, "gesture_gan": Gesture, "resync": Resync}.items():
+        published = asdict(settings())
+        for key, value in paper[name].items():
+            assert value == ({k: published[key][k] for k in value} if isinstance(value, dict) else published[key])

@@ -1,0 +1,72 @@
+"""What a run would do: the jobs of a dry run, targets, and what makes a rule run again."""
+
+import re
+import tomllib
+
+import pytest
+from digest import library_code, library_files
+
+from tests.workflow.conftest import ROOT
+
+
+def jobs(output):
+    """{rule: count} of a dry run's table."""
+    table = output.split("Job stats:")[1].split("\n\n")[0]
+    return {name: int(count) for name, count in re.findall(r"^(\w+) +(\d+)$", table, re.MULTILINE)}
+
+
+def test_default_run_covers_every_stage_of_both_speakers(snakemake):
+    done = snakemake(ROOT, "--dry-run", "--cores", "2", "--forceall", "--nolock")
+    assert done.returncode == 0, done.stdout
+    assert jobs(done.stdout) == {
+        "demo_take": 20, "annotate_demo": 20, "split_clips": 2, "build_database": 2, "train_model": 6,
+        "train_feature_net": 2, "cut_truth": 2, "synthesize": 8, "export": 10, "render": 10, "evaluate": 2,
+        "summarize": 1, "write_report": 1, "all": 1, "total": 87,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("target", "rule", "count"),
+    [("clips", "annotate_demo", 2), ("models", "train_model", 1), ("evaluation", "summarize", 1)],
+)
+def test_stages_are_targets(snakemake, project, target, rule, count):
+    done = snakemake(project, "--configfile", "config.yaml", "--dry-run", "--cores", "1", target)
+    assert jobs(done.stdout)[rule] == count
+    assert "write_report" not in jobs(done.stdout)
+
+
+def test_a_mistake_ends_the_run_with_one_line_before_any_job(snakemake, project):
+    done = snakemake(project, "--configfile", "config.yaml", "--cores", "1", "--config", "modles=[knn]")
+    assert done.returncode == 2
+    assert done.stdout.splitlines()[-1].startswith("error: config.yaml: unknown key 'modles'")
+    assert "Traceback" not in done.stdout and not (project / "out").exists()
+
+
+def test_scripts_are_short():
+    scripts = list((ROOT / "workflow" / "scripts").glob("*.py"))
+    rules = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
+    assert len(scripts) > 10
+    for script in scripts:
+        helper = script.stem in ("job", "sections")
+        assert helper or len(script.read_text().splitlines()) <= 40, f"{script.name} is long"
+        assert helper or f'script:\n        "../scripts/{script.name}"' in rules, f"no rule runs {script.name}"
+        assert helper or f'library_code("{script.name}")' in rules, f"edits of what {script.name} uses go unseen"
+
+
+def test_a_rule_sees_the_library_code_that_it_runs_and_no_other():
+    names = {path.name for path in library_files("export.py")}
+    assert {"export.py", "bvh.py", "glb.py", "clip.py", "errors.py", "job.py", "upper55.yaml"} <= names
+    assert not {"training.py", "voice.py", "report.py"} & names
+    assert {path.suffix for path in library_files("render.py")} <= {".py", ".yaml", ".html", ".js", ".txt"}  # no caches
+    assert "training.py" in {path.name for path in library_files("train.py")}
+    assert library_code("export.py") == library_code("export.py") != library_code("train.py")
+
+
+def test_pins_cover_every_dependency_and_name_no_machine():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    wanted = project["dependencies"] + extras["test"] + extras["lint"]
+    normal = lambda text: re.match(r"[\w.-]+", text)[0].lower().replace("_", "-")  # noqa: E731
+    lines = [line for line in (ROOT / "envs/requirements.txt").read_text().splitlines() if not line.startswith("#")]
+    assert all(re.fullmatch(r"[\w.-]+==[\w.!]+", line) for line in lines)
+    assert {normal(name) for name in wanted} <= {normal(line) for line in lines}

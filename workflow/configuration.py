@@ -1,0 +1,198 @@
+"""Config, subject and budget files, read and checked before any job runs; every mistake is one line."""
+
+import difflib
+import os
+import sys
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import yaml
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import best_match
+
+from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.split import PARTS, split_clips
+
+SCHEMAS = Path(__file__).parent / "schemas"
+SHARES = {"train": 0.8, "val": 0.1, "test": 0.1, "by": "take"}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """One speaker: `source` as in the subject file, `split` = the shares and `by`."""
+
+    name: str
+    source: dict
+    split: dict
+    seed: int
+
+    @cached_property
+    def takes(self):
+        """{take id: its entry in the subject file}; the demo speaker's takes are only numbered."""
+        if self.source["kind"] == "demo":
+            count = self.source["takes"]
+            return {f"take{number:0{len(str(max(count, 10)))}d}": {} for number in range(1, count + 1)}
+        return {take["id"]: take for take in self.source["takes"]}
+
+    @property
+    def shares(self):
+        return {part: self.split[part] for part in PARTS if part in self.split}
+
+    @cached_property
+    def split_of_equals(self):
+        """The split if all takes were equally long. It decides which takes belong to which part, so that the graph of
+        jobs is known before the first recording is read; `split_clips` then finds the frames.
+        """
+        given = {take: entry.get("part") for take, entry in self.takes.items()}
+        with warnings.catch_warnings(action="ignore", category=CospeechNotice):  # the split job says it again
+            return split_clips(dict.fromkeys(self.takes, 1000), given, self.shares, self.split["by"], self.seed)
+
+    def takes_of(self, *parts):
+        """Ids of the takes that have frames in one of these parts, in order."""
+        return sorted({take for part in parts for take, _, _ in self.split_of_equals.of(part)})
+
+    @property
+    def parts(self):
+        """{take id: its part}, or None for a take that is cut in time."""
+        found = {take: [part for part in PARTS if take in self.takes_of(part)] for take in self.takes}
+        return {take: parts[0] if len(parts) == 1 else None for take, parts in found.items()}
+
+
+def load_configuration(config, workflow):
+    """`read_configuration` of a running workflow; a mistake is printed as one line and ends it with status 2."""
+    files = dict.fromkeys([*workflow.overwrite_configfiles, *workflow.configfiles])
+    label = " + ".join(os.path.relpath(file) if Path.cwd() in Path(file).parents else str(file) for file in files)
+    try:
+        return read_configuration(config, label or "config", workflow.basedir)
+    except CospeechError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def read_configuration(config, label, home):
+    """Check the merged configuration and everything it names.
+
+    Parameters
+    ----------
+    config : dict, as Snakemake merged it. label : name of the file(s) it came from, for messages.
+    home : folder of the Snakefile; names of subjects and budgets are looked up in its config/.
+
+    Returns ({name: Subject}, budget dict); raises CospeechError that names file, key and remedy.
+    """
+    check(config, "config", label)
+    config.setdefault("synthesis", [])
+    subjects = {}
+    for entry in config["subjects"]:
+        path = _locate(entry, Path(home) / "config" / "subjects", f"{label}: subjects")
+        subject = read_subject(path, config["seed"])
+        if subject.name in subjects:
+            raise CospeechError(f"{path}: name {subject.name!r} is taken by another subject; give it its own")
+        subjects[subject.name] = subject
+    _check_synthesis(config, subjects, label)
+    path = _locate(config["budget"], Path(home) / "config" / "budgets", f"{label}: budget")
+    budget = read_yaml(path)
+    check(budget, "budget", path)
+    return subjects, budget
+
+
+def read_subject(path, seed=0):
+    """The Subject of a subject file, after checking keys, names, times and that every file it names exists."""
+    content = read_yaml(path)
+    check(content, "subject", path)
+    subject = Subject(content["name"], content["source"], SHARES | content.get("split", {}), seed)
+    if subject.source["kind"] != "demo":
+        _check_takes(subject.source["takes"], path)
+    try:
+        subject.takes_of("test")
+    except CospeechError as error:
+        raise CospeechError(f"{path}: {error}") from error
+    return subject
+
+
+def _check_takes(takes, path):
+    seen = set()
+    for take in takes:
+        if take["id"] in seen:
+            raise CospeechError(f"{path}: take id {take['id']!r} is there twice; ids name files, so give each its own")
+        seen.add(take["id"])
+        if take.get("end", float("inf")) <= take.get("start", 0):
+            raise CospeechError(f"{path}: take {take['id']!r} ends at {take['end']} s, not after its start")
+        for key in ("motion", "audio", "clip", "words"):
+            if key in take and not Path(take[key]).is_file():
+                raise CospeechError(f"{path}: take {take['id']!r}: {key}: {take[key]}: no such file")
+
+
+def _check_synthesis(config, subjects, label):
+    seen = set()
+    for entry in config["synthesis"]:
+        where = f"{label}: synthesis: {entry['name']!r}"
+        if entry["subject"] not in subjects:
+            raise CospeechError(f"{where}: subject {entry['subject']!r} is not one of {', '.join(subjects)}")
+        if entry["model"] not in config["models"]:
+            raise CospeechError(f"{where}: model {entry['model']!r} is not one of {', '.join(config['models'])}")
+        if "k" in entry and entry["model"] not in ("knn", "resync"):
+            raise CospeechError(f"{where}: k chooses among matches, which {entry['model']} has none of; leave it out")
+        if not Path(entry["audio"]).is_file():
+            raise CospeechError(f"{where}: audio: {entry['audio']}: no such file")
+        result = entry["subject"], entry["model"], entry["name"]
+        if result in seen or entry["name"] in subjects[entry["subject"]].takes:
+            raise CospeechError(f"{where}: the name is taken by another entry or a take; results would collide")
+        seen.add(result)
+
+
+def _locate(entry, folder, where):
+    """A name of a file in `folder`, or a path that ends in .yaml or .yml."""
+    path = Path(entry)
+    if path.suffix in (".yaml", ".yml"):
+        if not path.is_file():
+            raise CospeechError(f"{where}: {entry}: no such file")
+        return path
+    known = sorted(file.stem for file in folder.glob("*.yaml"))
+    if entry not in known:
+        raise CospeechError(f"{where}: {entry!r} is neither one of {', '.join(known)} nor the path of a .yaml file")
+    return folder / f"{entry}.yaml"
+
+
+def read_yaml(path):
+    """The mapping in a YAML file."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise CospeechError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(content, dict):
+        raise CospeechError(f"{path}: expected keys and values, found {type(content).__name__}")
+    return content
+
+
+def check(content, schema, where):
+    """CospeechError with one line on the worst mistake, unless `content` fits schemas/<schema>.schema.yaml."""
+    validator = Draft202012Validator(read_yaml(SCHEMAS / f"{schema}.schema.yaml"))
+    error = best_match(validator.iter_errors(content))
+    if error:
+        raise CospeechError(f"{where}: {_line(error)}")
+
+
+def _line(error):
+    """A validation error as 'key: what is wrong; the remedy'."""
+    key = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in error.absolute_path).lstrip(".")
+    prefix = f"{key}: " if key else ""
+    if error.validator == "additionalProperties":
+        known = list(error.schema["properties"])
+        unknown = next(name for name in error.instance if name not in known)
+        close = difflib.get_close_matches(str(unknown), known, 1)
+        remedy = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
+        return f"{prefix}unknown key {unknown!r}; {remedy}"
+    if error.validator == "required":
+        missing = next(name for name in error.validator_value if name not in error.instance)
+        return f"{prefix}key {missing!r} is missing"
+    if error.validator == "enum":
+        return f"{prefix}{error.instance!r} is not one of {', '.join(map(str, error.validator_value))}"
+    if error.validator == "pattern":
+        return f"{prefix}{error.instance!r} is no name; use letters, digits, _ and -"
+    if error.validator == "minItems":
+        return f"{prefix}the list is empty; give at least one"
+    return f"{prefix}{error.message}"

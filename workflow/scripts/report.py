@@ -1,0 +1,29 @@
+"""The page that shows a whole run."""
+
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+import yaml
+from job import job, snakemake
+
+PACKAGES = ("cospeech", "torch", "onnxruntime", "numpy", "scipy", "librosa", "h5py", "av", "snakemake")
+
+with job():
+    from cospeech.evaluation.tables import read_evaluations, summarise
+    from cospeech.render.report import write_report
+
+    results, facts = Path(snakemake.output[0]).parent, snakemake.params.facts
+    name = lambda path, folder: str(Path(path).relative_to(results / folder).with_suffix(""))  # noqa: E731
+    logs = sorted((results / "logs").rglob("*.log"))
+    write_report(
+        snakemake.output[0],
+        title="Gestures for speech: " + ", ".join(facts["subjects"]),
+        evaluation=summarise(read_evaluations(snakemake.input.evaluations)),
+        histories={" ".join(Path(path).parts[-4:-1]): path for path in snakemake.input.histories},
+        videos=[(name(path, ""), path) for path in snakemake.input.videos],
+        config=yaml.safe_dump(facts, sort_keys=False, allow_unicode=True),
+        versions={"python": platform.python_version()} | {package: version(package) for package in PACKAGES},
+        timings=[(name(path, "benchmarks"), path) for path in sorted((results / "benchmarks").rglob("*.tsv"))],
+        notices=[line for log in logs for line in log.read_text(encoding="utf-8").splitlines() if ": note: " in line],
+    )

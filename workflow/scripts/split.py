@@ -1,0 +1,13 @@
+"""Give the frames of a subject's clips to the train, val and test parts."""
+
+from pathlib import Path
+
+from job import job, snakemake
+
+with job():
+    from cospeech.clip import Clip
+    from cospeech.split import split_clips
+
+    params = snakemake.params
+    frames = {Path(path).stem: Clip.read(path).frames for path in snakemake.input.clips}
+    split_clips(frames, params.parts, params.shares, params.by, params.seed).write(snakemake.output.split)
