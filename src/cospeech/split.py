@@ -43,7 +43,8 @@ def split_clips(clips, parts, shares, by="take", seed=0):
     Parameters
     ----------
     clips : {clip id: number of frames}.
-    parts : {clip id: "train", "val", "test" or None}; a named part is kept, the rest is shared out.
+    parts : {clip id: "train", "val", "test" or None}; a named part is kept and, but for train, has what it needs: the
+        rest is shared out among the others.
     shares : {"train": 0.8, "val": 0.1, "test": 0.1}, wanted shares of the frames.
     by : "take" gives whole clips to parts (in a seeded order); "time" cuts every clip into three stretches. With
         fewer clips than parts to fill, "take" falls back to "time" with a notice.
@@ -57,7 +58,8 @@ def split_clips(clips, parts, shares, by="take", seed=0):
         notice(f"split: {len(free)} take(s) for {len(wanted)} parts, so takes are cut in time instead of kept whole")
         by = "time"
     assign = _by_take if by == "take" else _by_time
-    for part, found in assign(free, shares, seed).items():
+    left = {part: share for part, share in shares.items() if part in wanted or part == "train"}
+    for part, found in assign(free, left, seed).items():
         ranges[part] += found
     for part in ("train", "test"):
         if not ranges[part]:
@@ -68,12 +70,12 @@ def split_clips(clips, parts, shares, by="take", seed=0):
 
 
 def _by_take(clips, shares, seed):
-    """Whole clips: test and val get clips until nearest to their share (at least one each), train the rest."""
+    """Whole clips: test (at least one) and val get clips until nearest to their share, train the rest."""
     order = list(np.random.default_rng(seed).permutation(sorted(clips)))
     total, ranges = sum(clips.values()), {part: [] for part in PARTS}
     for part in ("test", "val"):
         target, got = shares.get(part, 0) * total, 0
-        while order and target and (not ranges[part] or got + clips[order[-1]] / 2 <= target):
+        while len(order) > 1 and target and (part == "test" and not got or got + clips[order[-1]] / 2 <= target):
             clip = str(order.pop())
             ranges[part].append((clip, 0, clips[clip]))
             got += clips[clip]
@@ -85,8 +87,9 @@ def _by_time(clips, shares, seed):
     """Every clip from its start: the train share, then val, then test."""
     del seed
     ranges = {part: [] for part in PARTS}
+    cuts = np.cumsum([0.0] + [shares.get(part, 0) for part in PARTS])
     for clip, frames in sorted(clips.items()):
-        edges = np.rint(np.cumsum([0] + [shares.get(part, 0) for part in PARTS]) * frames).astype(int)
+        edges = np.rint(cuts / cuts[-1] * frames).astype(int)
         for part, start, stop in zip(PARTS, edges, edges[1:], strict=False):
             if stop > start:
                 ranges[part].append((clip, int(start), int(stop)))

@@ -18,11 +18,11 @@ TOLERANCE = 1e-4  # largest difference between ONNX and torch that an export may
 
 def save_weights(path, tensors, description):
     """Write {name: array or tensor} as safetensors; `description` (a JSON-able dict) goes into the file's header."""
-    from safetensors.numpy import save_file
+    from safetensors.numpy import save
 
     arrays = {name: np.ascontiguousarray(np.asarray(tensor)) for name, tensor in tensors.items()}
     with writing(path) as temporary:
-        save_file(arrays, temporary, {"cospeech": json.dumps(description, sort_keys=True)})
+        temporary.write_bytes(save(arrays, {"cospeech": json.dumps(description, sort_keys=True)}))
 
 
 def load_weights(path):

@@ -47,8 +47,8 @@ def test_scripts_are_short():
     rules = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
     assert len(scripts) > 10
     for script in scripts:
-        helper = script.stem in ("job", "sections")
-        assert helper or len(script.read_text().splitlines()) <= 40, f"{script.name} is long"
+        helper = script.stem in ("job", "tee", "sections")
+        assert len(script.read_text().splitlines()) < 40, f"{script.name} is long"
         assert helper or f'script:\n        "../scripts/{script.name}"' in rules, f"no rule runs {script.name}"
         assert helper or f'library_code("{script.name}")' in rules, f"edits of what {script.name} uses go unseen"
 

@@ -26,6 +26,8 @@ class Settings:
     time and channels the adversarial term would be a thousandth of the others, against the text's "equally weighted".
     r1: weight of the discriminator's squared gradient at real pairs (Mescheder et al. 2018). Not in the publication; it
     keeps a discriminator that has little data to learn from running away from the generator.
+    feature_noise: deviation of Gaussian noise on the z-scored speech features in training. Not in the publication; it
+    keeps the generator from learning a short recording by heart.
     """
 
     steps: int = 300_000
@@ -39,6 +41,7 @@ class Settings:
     adversarial: bool = True
     generator_every: int = 1
     r1: float = 0.0
+    feature_noise: float = 0.0
     weights: dict = field(default_factory=lambda: {"face": 0.37, "body": 600.0, "hands": 840.0, "adversarial": 5.0})
 
 
@@ -116,7 +119,7 @@ class GestureTask:
         batch = self.windows.sample(rng, self.settings.batch)
         real = {name: torch.from_numpy(array).to(device()).transpose(1, 2) for name, array in batch.items()}
         with autocast():
-            predicted = dict(zip(self.generator.parts, self.generator(real["features"]), strict=True))
+            predicted = dict(zip(self.generator.parts, self.generator(self._heard(real["features"])), strict=True))
         predicted = {part: x.float() for part, x in predicted.items()}
         losses = {}
         if self.settings.adversarial:
@@ -124,6 +127,11 @@ class GestureTask:
         if step % self.settings.generator_every == 0:
             losses |= self._update_generator(real, predicted)
         return losses
+
+    def _heard(self, features):
+        """The features that the generator gets in training: with `feature_noise` deviations of noise."""
+        noise = self.settings.feature_noise
+        return features + noise * self.generator.features_deviation * torch.randn_like(features) if noise else features
 
     def _pair(self, features, motion):
         """What the discriminator judges, (B, 28 + 42 + 126, T) z-scored; the face is excluded (section 4.4.1)."""
