@@ -75,7 +75,7 @@ def _by_take(clips, shares, seed):
     total, ranges = sum(clips.values()), {part: [] for part in PARTS}
     for part in ("test", "val"):
         target, got = shares.get(part, 0) * total, 0
-        while len(order) > 1 and target and (part == "test" and not got or got + clips[order[-1]] / 2 <= target):
+        while len(order) > 1 and target and ((part == "test" and not got) or got + clips[order[-1]] / 2 <= target):
             clip = str(order.pop())
             ranges[part].append((clip, 0, clips[clip]))
             got += clips[clip]

@@ -17,8 +17,11 @@ class KNN:
     def __init__(self, database):
         self.matcher = Matcher(database)
 
-    def match(self, features, *, seed=0, k=1, initial="mean", mask=None, exclude_take=None, variant="pose"):
-        """(T, 28) speech features -> `Match`: clip, frame, take and time of every window. Options: `Matcher.search`."""
+    def match(self, features, *, seed=0, k=1, initial="random", mask=None, exclude_take=None, variant="pose"):
+        """(T, 28) speech features -> `Match`: clip, frame, take and time of every window. Options: `Matcher.search`.
+
+        It starts from the pose of a random frame, as all published runs do.
+        """
         if k > len(self.matcher.database.pose):
             raise CospeechError(
                 f"k is {k}, but the database has {len(self.matcher.database.pose)} clips to choose from"
