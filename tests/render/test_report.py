@@ -12,7 +12,7 @@ from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.evaluation.result import METRICS
 from cospeech.evaluation.tables import Summary
 from cospeech.files import put, writing_hdf5
-from cospeech.render.report import write_report
+from cospeech.render.report import MEANING, write_report
 
 VOID = {"meta", "br", "img", "link", "input"}
 
@@ -149,3 +149,7 @@ def test_missing_film_and_odd_benchmark(tmp_path, material):
     with pytest.warns(CospeechNotice, match=r"odd\.tsv"):
         write_report(tmp_path / "report.html", title="x", timings={"odd": tmp_path / "odd.tsv"})
     assert "Run times" not in Page(tmp_path / "report.html").text
+
+
+def test_every_column_is_explained():
+    assert set(MEANING) == set(METRICS)

@@ -1,6 +1,7 @@
 # What every stage shares: the checked configuration, the speakers, and the lists of files that a whole run makes.
 
 import sys
+from itertools import zip_longest
 from pathlib import Path
 
 sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
@@ -69,9 +70,14 @@ def synthesized(subject, model, suffix="h5"):
 
 def all_syntheses():
     """Every test clip and every `synthesis:` entry, in every format."""
-    tested = [clip for s in SUBJECTS for model in [*MODELS, "ground_truth"] for clip in synthesized(s, model)]
-    asked = [f"<results>/{subject}/synthesis/{model}/{name}.h5" for subject, model, name in SYNTHESES]
-    return [path.removesuffix("h5") + suffix for path in tested + asked for suffix in ("h5", "bvh", "glb", "mp4")]
+    return [film.removesuffix("mp4") + suffix for film in all_films() for suffix in ("h5", "bvh", "glb", "mp4")]
+
+
+def all_films():
+    """Those of `synthesis:` entries, every model's first test clip, the second ones...: the report shows the first few."""
+    asked = [f"<results>/{subject}/synthesis/{model}/{name}.mp4" for subject, model, name in SYNTHESES]
+    tested = [synthesized(s, model, "mp4") for s in SUBJECTS for model in ["ground_truth", *MODELS]]
+    return asked + [film for films in zip_longest(*tested) for film in films if film]
 
 
 def generator_of(wildcards):

@@ -5,7 +5,7 @@ rule write_report:
     input:
         evaluations=[f"<results>/{subject}/evaluation/{row}.h5" for subject in SUBJECTS for row in ROWS],
         histories=all_histories(),
-        videos=[path for path in all_syntheses() if path.endswith(".mp4")],
+        videos=all_films(),
     output:
         report("<results>/report.html", caption="../report/report.rst", category="Report"),
     log:

@@ -29,14 +29,18 @@ MEANING = {
     "diversity": "Mean distance between features of random pairs of windows; a mean pose has none, noise has too much.",
     "beat_consistency": "How close each speech onset has a motion beat, 0 to 1; many beats alone already raise it, so "
     "read it together with the beat rate and the mismatched row.",
+    "beat_excess": "Beat consistency less what the same beats score against the speech at any other time: 0 is chance, "
+    "and more beats do not raise it.",
     "beat_rate": "Motion beats a second.",
     "synchrony": "Correlation of wrist speed with what the speech predicts; the mismatched row shows what is left when "
     "motion and speech have nothing to do with each other.",
     "motion_variance": "Variance of the joints over time; regression to the mean makes it small.",
     "wrist_speed_left": "Mean speed of the wrist.",
     "wrist_speed_right": "Mean speed of the wrist.",
+    "wrist_speed_spread": "Standard deviation of the wrists' speeds over time.",
     "wrist_height_left": "Mean height of the wrist above the pelvis.",
     "wrist_height_right": "Mean height of the wrist above the pelvis.",
+    "wrist_height_spread": "Standard deviation of the wrists' heights over time.",
     "wrist_asymmetry": "Mean difference of the wrists' heights.",
     "speed_hellinger": "Distance between the histograms of joint speeds, 0 (equal) to 1.",
     "acceleration": "Mean size of the joints' acceleration.",
