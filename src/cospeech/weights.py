@@ -30,7 +30,7 @@ def load_weights(path):
     from safetensors import SafetensorError, safe_open
 
     if not os.path.isfile(path):
-        raise CospeechError(f"{path}: no such file; train the model first (`snakemake --cores 2 {path}`)")
+        raise CospeechError(f"{path}: no such file; train the model first")
     try:
         with safe_open(path, framework="numpy") as file:
             header = (file.metadata() or {}).get("cospeech")
