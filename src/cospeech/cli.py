@@ -16,6 +16,7 @@ DEFAULT_CONFIG = Path("config/config.yaml")
 EXAMPLES = """examples:
   cospeech generate --subject calm --model resync --audio talk.wav --out talk.bvh
   cospeech generate --subject calm --model knn --k 3 --initial random --seed 7 --audio talk.wav --out talk.mp4
+  cospeech generate --subject calm --model knn --control left_wrist_height=high@2.0-5.5 --audio talk.wav --out talk.bvh
   cospeech export results/calm/synthesis/resync/take05.h5 take05.glb
   cospeech render results/calm/clips/take05.h5 truth.mp4
   cospeech info results/calm/database.h5
@@ -80,9 +81,27 @@ def _add_generate(commands):
     add("--seed", type=int, default=0, help="start of all random choices")
     add("--k", type=int, help="knn, resync: take the k-th best match (default: 1, the best)")
     add("--initial", choices=["mean", "random"], help="knn, resync: the pose before the first frame (default: random)")
+    add("--control", action="append", metavar="CONTROL", help="knn, resync: how the hands shall move, and when: "
+        "'left_wrist_height=high@2.0-5.5', 'strict symmetry=<0.05', 'left_wrist_speed=fast and not reach=low@3-6'; "
+        "several hold together")  # fmt: skip
+    add("--list-controls", action=_ListControls, help="list what can be controlled, and exit")
+    add("--explain", action="store_true", help="knn, resync: tell where every window of 8 frames is from, and why")
     add("--smoothing", type=float, metavar="FRAMES", help="sigma of the Gaussian over time (default: as published)")
     add("--threads", type=int, help="CPU threads for the networks (default: all)")
     generate.set_defaults(run=_generate)
+
+
+class _ListControls(argparse.Action):
+    """Prints the control signals and exits, whatever else is asked, as --help does."""
+
+    def __init__(self, option_strings, dest, help):
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, default=argparse.SUPPRESS, help=help)
+
+    def __call__(self, parser, *_):
+        from cospeech.matching.controls import listing
+
+        print(listing())
+        parser.exit()
 
 
 def _generate(options):
@@ -92,14 +111,15 @@ def _generate(options):
     from cospeech.synthesis import check_model, load_generator, synthesize
 
     check_model(options.model)
+    chosen = _search_options(options)
     _check_suffix(options.out)
     config = _configuration(options.config)
     folder = _subject_folder(Path(config.get("results_dir", "results")), options.subject)
     samples, rate = load_audio(options.audio)
     generator = load_generator(options.model, folder, options.threads)
-    chosen = {name: value for name in ("k", "initial") if (value := getattr(options, name)) is not None}
-    if chosen and options.model not in ("knn", "resync"):
-        raise CospeechError(f"--{next(iter(chosen))} chooses among matches, which {options.model} has none of")
+    matches = []
+    if options.explain:
+        chosen["report"] = matches.append
     clip = synthesize(
         generator, samples, rate, subject=options.subject, clip=Path(options.audio).stem, model=options.model,
         fps=float(config.get("fps", 15)), seed=options.seed, words=find_words(options.audio),
@@ -108,6 +128,24 @@ def _generate(options):
     )  # fmt: skip
     _write(clip, options.out, samples, rate)
     print(f"{options.out}: {clip.frames} frames, {clip.duration:.2f} s at {clip.fps:g} fps")
+    for match in matches:
+        from cospeech.matching.controls import explain
+
+        print(explain(match))
+
+
+def _search_options(options):
+    """What is asked of the k-NN search, for the generators that have one."""
+    asked = {name: getattr(options, name) for name in ("k", "initial", "control")}
+    asked = {name: value for name, value in asked.items() if value is not None}
+    named = [*asked, *(["explain"] if options.explain else [])]
+    if named and options.model not in ("knn", "resync"):
+        raise CospeechError(f"--{named[0]} is about matches, which {options.model} has none of; use knn or resync")
+    if "control" in asked:
+        from cospeech.matching.controls import Control
+
+        asked["controls"] = [Control.parse(text) for text in asked.pop("control")]
+    return asked
 
 
 def _write(clip, out, samples, rate):

@@ -19,9 +19,9 @@ def test_default_run_covers_every_stage_of_both_speakers(snakemake):
     done = snakemake(ROOT, "--dry-run", "--cores", "2", "--forceall", "--nolock")
     assert done.returncode == 0, done.stdout
     assert jobs(done.stdout) == {
-        "demo_take": 20, "annotate_demo": 20, "split_clips": 2, "build_database": 2, "train_model": 6,
-        "train_feature_net": 2, "cut_truth": 2, "synthesize": 8, "export": 10, "render": 10, "evaluate": 2,
-        "summarize": 1, "write_report": 1, "all": 1, "total": 87,
+        "demo_take": 40, "annotate_demo": 40, "split_clips": 2, "build_database": 2, "train_model": 6,
+        "train_feature_net": 2, "cut_truth": 6, "synthesize": 24, "export": 30, "render": 30, "evaluate": 2,
+        "summarize": 1, "write_report": 1, "all": 1, "total": 187,
     }  # fmt: skip
 
 

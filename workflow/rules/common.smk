@@ -99,7 +99,7 @@ def speech_of(wildcards):
 def options_of(wildcards):
     """What a `synthesis:` entry asks of the generator; test clips are made with the config's seed alone."""
     entry = SYNTHESES.get((wildcards.subject, wildcards.model, wildcards.clip), {})
-    return {"seed": config["seed"]} | {key: entry[key] for key in ("k", "initial", "seed") if key in entry}
+    return {"seed": config["seed"]} | {key: entry[key] for key in ("k", "initial", "controls", "seed") if key in entry}
 
 
 def truth_beside(wildcards):

@@ -1,7 +1,4 @@
-"""What surrounds the one library call of every script: threads, the rule's log, and mistakes as one line.
-
-The library is imported inside `with job():`, after the number of threads is set.
-"""
+"""What surrounds the one library call of every script: threads, the rule's log, and mistakes as one line."""
 
 import os
 import sys
@@ -15,7 +12,8 @@ from tee import Tee, warnings_to
 import __main__
 
 snakemake = __main__.snakemake  # Snakemake puts it into the namespace of the script that it runs
-os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)  # Snakemake itself sets those of OpenMP and BLAS
+# Before the library is imported, inside `with job():`; Snakemake itself sets the threads of OpenMP and BLAS.
+os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)
 
 
 @contextmanager

@@ -4,7 +4,9 @@ import numpy as np
 
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
+from cospeech.matching import controls as controlled
 from cospeech.matching.search import Matcher
+from cospeech.matching.signals import ControlSignals
 
 BEST_SHARE = 0.5  # of the training fakes that take the best candidate
 OTHER_RANKS = (2, 15)  # the rest take one k for all their windows, uniform in this closed range
@@ -16,21 +18,36 @@ class KNN:
 
     def __init__(self, database):
         self.matcher = Matcher(database)
+        self.signals = ControlSignals(database)
 
-    def match(self, features, *, seed=0, k=1, initial="random", mask=None, exclude_take=None, variant="pose"):
+    def match(
+        self, features, *, seed=0, k=1, initial="random", mask=None, exclude_take=None, variant="pose", controls=(),
+    ):  # fmt: skip
         """(T, 28) speech features -> `Match`: clip, frame, take and time of every window. Options: `Matcher.search`.
 
-        It starts from the pose of a random frame, as all published runs do.
+        It starts from the pose of a random frame, as all published runs do. With `controls` (see
+        `cospeech.matching.controls.search`) it is a `ControlledMatch`.
         """
         if k > len(self.matcher.database.pose):
             raise CospeechError(
                 f"k is {k}, but the database has {len(self.matcher.database.pose)} clips to choose from"
             )
-        return self.matcher.search(features, k, mask, initial, seed, variant, exclude_take)
+        if not controls:
+            return self.matcher.search(features, k, mask, initial, seed, variant, exclude_take)
+        if mask is not None:
+            raise CospeechError("give either a mask or controls, not both")
+        options = {"k": k, "initial": initial, "seed": seed, "variant": variant, "exclude_take": exclude_take}
+        return controlled.search(self.matcher, self.signals, features, controls, **options)
 
-    def generate(self, features, *, seed=0, **options):
-        """(T, 28) speech features -> Motion of T frames, with head rotations if the database has them."""
-        return motion_of(self.match(features, seed=seed, **options))
+    def generate(self, features, *, seed=0, report=None, **options):
+        """(T, 28) speech features -> Motion of T frames, with head rotations if the database has them.
+
+        `report` is called with the `Match`, for callers that want to know where the motion is from.
+        """
+        match = self.match(features, seed=seed, **options)
+        if report:
+            report(match)
+        return motion_of(match)
 
 
 def motion_of(match):
