@@ -74,6 +74,14 @@ def autocast():
     return torch.autocast(device().type, dtype=torch.bfloat16, enabled=device().type == "cuda")
 
 
+def descend(task, name, loss):
+    """One step of a task's optimiser `name` down a scalar loss; its other networks' left-over gradients are dropped."""
+    for optimizer in task.optimizers.values():
+        optimizer.zero_grad(set_to_none=True)
+    loss.backward()
+    task.optimizers[name].step()
+
+
 def train(task, steps, *, seed=0, checkpoint=None, identity="", label="training"):
     """Run `steps` iterations of `task`; return its History.
 

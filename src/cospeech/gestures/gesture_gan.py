@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.gestures.vectors import BODY_CHANNELS, HAND_CHANNELS, motion_to_vectors
-from cospeech.training import autocast, device
+from cospeech.training import autocast, descend, device
 from cospeech.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
 from cospeech.windows import Windows
 
@@ -152,7 +152,7 @@ class GestureTask:
         if self.settings.r1:
             (gradient,) = torch.autograd.grad(logits.sum(), true, create_graph=True)
             total = loss + self.settings.r1 / 2 * gradient.square().sum((1, 2)).mean()
-        self._descend("discriminator", total)
+        descend(self, "discriminator", total)
         return loss.detach()
 
     def _update_generator(self, real, predicted):
@@ -160,14 +160,8 @@ class GestureTask:
         if self.settings.adversarial:
             terms["adversarial"] = F.softplus(-self._logits(self._pair(real["features"], predicted))).mean()
         weighted = {name: self.settings.weights[name] * term for name, term in terms.items()}
-        self._descend("generator", sum(weighted.values()))
+        descend(self, "generator", sum(weighted.values()))
         return {name: term.detach() for name, term in weighted.items()}
-
-    def _descend(self, name, loss):
-        for optimizer in self.optimizers.values():
-            optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        self.optimizers[name].step()
 
     def export(self):
         """What is kept: (module in eval mode on the CPU, {input: example (B, C, T)}, output names)."""

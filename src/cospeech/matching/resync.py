@@ -12,7 +12,7 @@ from torch.nn import functional as F
 
 from cospeech.matching.knn import fake_pairs
 from cospeech.skeleton import bone_lengths, to_parent_relative
-from cospeech.training import autocast, device
+from cospeech.training import autocast, descend, device
 from cospeech.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
 from cospeech.windows import Windows
 
@@ -131,21 +131,15 @@ class ResyncTask:
             _, fake = self._fake(matched)
         wasserstein = self.critic(fake).mean() - self.critic(real).mean()
         penalty = gradient_penalty(self.critic, real, fake)
-        self._descend("critic", wasserstein + self.settings.gradient_penalty * penalty)
+        descend(self, "critic", wasserstein + self.settings.gradient_penalty * penalty)
         return {"wasserstein": wasserstein.detach(), "gradient_penalty": penalty.detach()}
 
     def _update_generator(self, matched):
         motion, fake = self._fake(matched)
         adversarial = -self.critic(fake).mean()
         fidelity = F.l1_loss(motion, matched[:, -MOTION_CHANNELS:])
-        self._descend("generator", adversarial + self.settings.fidelity * fidelity)
+        descend(self, "generator", adversarial + self.settings.fidelity * fidelity)
         return {"adversarial": adversarial.detach(), "fidelity": fidelity.detach()}
-
-    def _descend(self, name, loss):
-        for optimizer in self.optimizers.values():
-            optimizer.zero_grad(set_to_none=True)
-        loss.backward()
-        self.optimizers[name].step()
 
     def export(self):
         """What is kept: (module in eval mode on the CPU, {input: example (B, C, T)}, output names)."""
