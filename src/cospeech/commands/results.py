@@ -1,0 +1,34 @@
+"""Where a command finds what the workflow made: the configuration's `results_dir`, and the subjects in it."""
+
+from pathlib import Path
+
+from cospeech.errors import CospeechError
+
+DEFAULT_CONFIG = Path("config/config.yaml")
+
+
+def configuration(path):
+    """The configuration as a dict, from `path` or config/config.yaml; empty if neither is there."""
+    import yaml
+
+    if path is None and not DEFAULT_CONFIG.is_file():
+        return {}
+    path = Path(path or DEFAULT_CONFIG)
+    try:
+        config = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise CospeechError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    if not isinstance(config, dict):
+        raise CospeechError(f"{path}: expected keys and values, found {type(config).__name__}")
+    return config
+
+
+def subject_folder(results, subject):
+    """Folder of a subject that has been trained; CospeechError that lists those there are."""
+    trained = sorted(f.parent.name for f in results.glob("*/split.h5"))
+    if subject not in trained:
+        known = f"trained there: {', '.join(trained)}" if trained else "run `snakemake --cores 2` first"
+        raise CospeechError(f"subject {subject!r}: no results under {results}; {known}")
+    return results / subject
