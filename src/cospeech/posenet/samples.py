@@ -1,4 +1,4 @@
-"""What every data set of images with people gives: `Sample`s as their owners label them, `Batch`es as the network reads.
+"""What every data set of people gives: `Sample`s as their owners label them, `Batch`es as the network reads them.
 
 Pixels: x right, y down, the centre of the first pixel is (0, 0). 3D: millimetres in the camera's axes (x right, y down,
 z away), relative to the root joint. Joints stand in the order of the part's joint set (body: JOINTS21).
