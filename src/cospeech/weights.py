@@ -42,24 +42,27 @@ def load_weights(path):
     return arrays, json.loads(header)
 
 
-def export_onnx(module, path, inputs, outputs, description):
+def export_onnx(module, path, inputs, outputs, description, *, sequences=True):
     """Write a torch module as one ONNX file and check it against torch.
 
     Parameters
     ----------
     module : nn.Module in eval mode, called with the inputs in order.
-    inputs : {name: example tensor (B, C, T)}; batch and time become free sizes.
+    inputs : {name: example tensor (B, C, T)}; batch and time become free sizes; a batch of one stays one.
     outputs : names of the outputs.
     description : JSON-able dict, kept in the file's metadata under "cospeech"; its `multiple` is that of time.
+    sequences : whether there is a time axis; False frees the batch alone (images).
 
     Raises CospeechError when onnxruntime's outputs differ from torch's by more than `TOLERANCE`.
     """
     import onnx
     import torch
 
-    batch, steps = torch.export.Dim("batch"), torch.export.Dim("steps", min=1, max=1 << 20)
-    time = description["multiple"] * steps if description["multiple"] > 1 else steps
-    shapes = tuple({0: batch, 2: time} for _ in inputs)
+    free = {0: torch.export.Dim("batch")} if len(next(iter(inputs.values()))) > 1 else {}
+    if sequences:
+        steps = torch.export.Dim("steps", min=1, max=1 << 20)
+        free[2] = description["multiple"] * steps if description["multiple"] > 1 else steps
+    shapes = tuple(free for _ in inputs)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the exporter's remarks on its own API and on names of shared axes
@@ -117,10 +120,13 @@ class OnnxNetwork:
 
         name=(T, C) arrays -> {output name: (T, C')}. The sequence is cut into chunks that overlap by the description's
         `halo`, more frames than the network can see, on its pooling grid (`multiple`), so that the result is that of
-        one whole run, without seams. The end is padded with its last frame to that multiple.
+        one whole run, without seams. Without a halo it runs at once. The end is padded with
+        its last frame to that multiple.
         """
         multiple, halo = self.description["multiple"], self.description["halo"]
         frames = len(next(iter(inputs.values())))
+        if halo is None:  # a network that remembers: it has to hear everything at once
+            chunk, halo = max(frames, 1), 0
         total = frames + -frames % multiple
         padded = {name: np.pad(array, ((0, total - frames), (0, 0)), mode="edge") for name, array in inputs.items()}
         pieces = []

@@ -81,7 +81,7 @@ def test_vectors_round_trip_and_hands_are_relative_to_their_wrists(toy_clips):
 
 
 def trained_regression(clip, steps):
-    settings = settings_of(Settings(adversarial=False), SMALL | {"steps": steps}, "regression")
+    settings = settings_of(Settings(adversary="none"), SMALL | {"steps": steps}, "regression")
     task = GestureTask([clip], settings, seed=0)
     return task, train(task, steps, seed=0)
 

@@ -1,7 +1,7 @@
 """Chapter 4: one speech encoder, three decoders (face, body and head, hands), a discriminator on audio and pose.
 
-Habibie et al. 2021 ("IVA 2021") section 4, thesis section 4.4. `regression` is the same network without the adversarial
-loss (thesis section 4.5's direct regression).
+Habibie et al. 2021 ("IVA 2021") section 4, thesis section 4.4. Two of the baselines of thesis section 4.5 are this
+network with another `adversary`: `regression` has none, and that of `velocity_gan` judges how fast the motion is.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -10,12 +10,14 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.gestures.vectors import BODY_CHANNELS, HAND_CHANNELS, motion_to_vectors
+from cospeech.errors import CospeechError
+from cospeech.gestures.pairs import MotionNetwork, Pairs
 from cospeech.training import autocast, descend, device
 from cospeech.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
-from cospeech.windows import Windows
 
-PARTS = ("face", "body", "hands")
+# What the discriminator judges, of body and hands; the face is never among it (section 4.4.1).
+ADVERSARIES = {"none": (), "audio_pose": ("features", "body", "hands"), "pose": ("body", "hands"),
+               "velocity": ("body", "hands")}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,8 @@ class Settings:
 
     weights: of the loss terms. They balance un-normalised metres, with every term a mean over its elements: summed over
     time and channels the adversarial term would be a thousandth of the others, against the text's "equally weighted".
+    adversary: what the discriminator judges, one of `ADVERSARIES`: speech and pose (published), the pose alone, the
+    pose's change from frame to frame (after Ginosar et al. 2019), or nothing.
     r1: weight of the discriminator's squared gradient at real pairs (Mescheder et al. 2018). Not in the publication; it
     keeps a discriminator that has little data to learn from running away from the generator.
     feature_noise: deviation of Gaussian noise on the z-scored speech features in training. Not in the publication; it
@@ -38,38 +42,26 @@ class Settings:
     betas: tuple = (0.9, 0.999)
     preset: str = "resync"
     width: float = 1.0
-    adversarial: bool = True
+    adversary: str = "audio_pose"
     generator_every: int = 1
     r1: float = 0.0
     feature_noise: float = 0.0
     weights: dict = field(default_factory=lambda: {"face": 0.37, "body": 600.0, "hands": 840.0, "adversarial": 5.0})
 
 
-class GestureNetwork(nn.Module):
-    """Speech features (B, 28, T) -> [face (B, E, T),] body (B, 42, T), hands (B, 126, T) in metres and radians.
+class GestureNetwork(MotionNetwork):
+    """Speech features (B, 28, T) -> [face (B, E, T),] body (B, 42, T), hands (B, 126, T) in metres and radians."""
 
-    The encoder sees z-scored features; each decoder predicts deviations from the training mean in units of the training
-    deviation, so that outputs and losses are in metres while the layers work on numbers around one.
-    """
-
-    def __init__(self, channels, widths, statistics):
-        super().__init__()
-        self.encoder = Encoder(channels["features"], widths.encoder)
-        self.parts = [part for part in PARTS if part in channels]
-        self.decoders = nn.ModuleDict({p: Decoder(channels[p], widths.encoder, widths.decoder) for p in self.parts})
-        for name, (mean, deviation) in statistics.items():
-            self.register_buffer(f"{name}_mean", torch.as_tensor(mean)[:, None])
-            self.register_buffer(f"{name}_deviation", torch.as_tensor(deviation)[:, None])
-
-    def standardized(self, name, x):
-        """(x - mean) / deviation of the training part."""
-        return (x - getattr(self, f"{name}_mean")) / getattr(self, f"{name}_deviation")
+    def __init__(self, pairs, widths):
+        super().__init__(pairs)
+        self.encoder = Encoder(pairs.channels["features"], widths.encoder)
+        self.decoders = nn.ModuleDict(
+            {part: Decoder(pairs.channels[part], widths.encoder, widths.decoder) for part in self.parts}
+        )
 
     def forward(self, features):
         maps = self.encoder(self.standardized("features", features))
-        return tuple(
-            self.decoders[p](maps) * getattr(self, f"{p}_deviation") + getattr(self, f"{p}_mean") for p in self.parts
-        )
+        return tuple(self.measured(part, self.decoders[part](maps)) for part in self.parts)
 
 
 def reconstruction_losses(predicted, real):
@@ -86,43 +78,39 @@ def reconstruction_losses(predicted, real):
 class GestureTask:
     """Training of the chapter 4 network, for `cospeech.training.train`."""
 
-    def __init__(self, clips, settings, seed):
+    def __init__(self, clips, settings, seed, model="gesture_gan"):
+        if settings.adversary not in ADVERSARIES:
+            raise CospeechError(f"budget: {model}.adversary is {settings.adversary!r}; known: {', '.join(ADVERSARIES)}")
         torch.manual_seed(seed)
         self.settings = settings
-        sequences = [{"features": c.features, **motion_to_vectors(c.motion)} for c in clips]
-        parts = set.intersection(*(set(s) for s in sequences))
-        sequences = [{name: s[name] for name in sorted(parts)} for s in sequences]
-        self.windows = Windows(sequences, [c.valid for c in clips], settings.frames)
-        statistics = {name: self.windows.statistics(name) for name in sequences[0]}
-        channels = {name: array.shape[1] for name, array in sequences[0].items()}
+        self.pairs = Pairs(clips, settings.frames)
+        self.judged = ADVERSARIES[settings.adversary]
         widths = preset(settings.preset).scaled(settings.width)
-        self.generator = GestureNetwork(channels, widths, statistics).to(device())
+        self.generator = GestureNetwork(self.pairs, widths).to(device())
         betas = settings.betas
         self.modules = {"generator": self.generator}
         self.optimizers = {
             "generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate, betas, fused=True)
         }
-        if settings.adversarial:
-            judged = channels["features"] + BODY_CHANNELS + HAND_CHANNELS
-            discriminator = Critic(judged, widths.critic, settings.frames).to(device())
+        if self.judged:
+            channels = sum(self.pairs.channels[name] for name in self.judged)
+            discriminator = Critic(channels, widths.critic, settings.frames).to(device())
             self.modules["discriminator"] = discriminator
             self.optimizers["discriminator"] = torch.optim.Adam(
                 discriminator.parameters(), settings.discriminator_learning_rate, betas
             )
         self.description = {
-            "model": "gesture_gan" if settings.adversarial else "regression", "settings": asdict(settings),
-            "channels": channels, "fps": clips[0].fps, "face_model": clips[0].face_model if "face" in channels else "",
-            "multiple": MULTIPLE, "halo": HALO,
+            "model": model, "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
+            "face_model": self.pairs.face_model, "multiple": MULTIPLE, "halo": HALO,
         }  # fmt: skip
 
     def iterate(self, step, rng):
-        batch = self.windows.sample(rng, self.settings.batch)
-        real = {name: torch.from_numpy(array).to(device()).transpose(1, 2) for name, array in batch.items()}
+        real = self.pairs.sample(rng, self.settings.batch)
         with autocast():
             predicted = dict(zip(self.generator.parts, self.generator(self._heard(real["features"])), strict=True))
         predicted = {part: x.float() for part, x in predicted.items()}
         losses = {}
-        if self.settings.adversarial:
+        if self.judged:
             losses["discriminator"] = self._update_discriminator(real, predicted)
         if step % self.settings.generator_every == 0:
             losses |= self._update_generator(real, predicted)
@@ -133,19 +121,20 @@ class GestureTask:
         noise = self.settings.feature_noise
         return features + noise * self.generator.features_deviation * torch.randn_like(features) if noise else features
 
-    def _pair(self, features, motion):
-        """What the discriminator judges, (B, 28 + 42 + 126, T) z-scored; the face is excluded (section 4.4.1)."""
-        judged = {"features": features, "body": motion["body"], "hands": motion["hands"]}
-        return torch.cat([self.generator.standardized(name, value) for name, value in judged.items()], dim=1)
+    def _seen(self, features, motion):
+        """What the discriminator judges, (B, C, T) z-scored; of velocities, the first frame's is 0."""
+        given = {"features": features, **motion}
+        seen = torch.cat([self.generator.standardized(name, given[name]) for name in self.judged], dim=1)
+        return F.pad(seen.diff(dim=2), (1, 0)) if self.settings.adversary == "velocity" else seen
 
-    def _logits(self, pair):
+    def _logits(self, seen):
         with autocast():
-            return self.modules["discriminator"](pair).float()
+            return self.modules["discriminator"](seen).float()
 
     def _update_discriminator(self, real, predicted):
         """Maximise log D(real) + log(1 - D(fake)) (eq. 4.3; its printed min and max are swapped)."""
-        true = self._pair(real["features"], real).requires_grad_(self.settings.r1 > 0)
-        fake = self._pair(real["features"], {part: x.detach() for part, x in predicted.items()})
+        true = self._seen(real["features"], real).requires_grad_(self.settings.r1 > 0)
+        fake = self._seen(real["features"], {part: x.detach() for part, x in predicted.items()})
         logits = self._logits(true)
         loss = F.softplus(-logits).mean() + F.softplus(self._logits(fake)).mean()
         total = loss
@@ -157,13 +146,13 @@ class GestureTask:
 
     def _update_generator(self, real, predicted):
         terms = reconstruction_losses(predicted, real)
-        if self.settings.adversarial:
-            terms["adversarial"] = F.softplus(-self._logits(self._pair(real["features"], predicted))).mean()
+        if self.judged:
+            terms["adversarial"] = F.softplus(-self._logits(self._seen(real["features"], predicted))).mean()
         weighted = {name: self.settings.weights[name] * term for name, term in terms.items()}
         descend(self, "generator", sum(weighted.values()))
         return {name: term.detach() for name, term in weighted.items()}
 
     def export(self):
         """What is kept: (module in eval mode on the CPU, {input: example (B, C, T)}, output names)."""
-        example = {"features": torch.zeros(2, self.description["channels"]["features"], self.settings.frames)}
+        example = {"features": torch.zeros(2, self.pairs.channels["features"], self.settings.frames)}
         return self.generator.cpu().eval(), example, self.generator.parts

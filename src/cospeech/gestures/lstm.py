@@ -1,0 +1,86 @@
+"""The recurrent baseline of thesis section 4.5: an LSTM each for face, body and hands on the same 28 speech features.
+
+Adopted, as the thesis says, from Shlizerman et al. 2018 ("Audio to Body Dynamics"), whose sizes are the defaults here
+because the thesis prints none: one layer of 200 units, dropout 0.1, a delay of 0.2 s, mean squared error, Adam 1e-3.
+"""
+
+from dataclasses import asdict, dataclass
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from cospeech.gestures.pairs import MotionNetwork, Pairs
+from cospeech.training import autocast, descend, device
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of one training. delay: frames of speech that are heard before a frame of motion is answered."""
+
+    steps: int = 300_000
+    batch: int = 100
+    frames: int = 64
+    learning_rate: float = 1e-3
+    hidden: int = 200
+    layers: int = 1
+    dropout: float = 0.1
+    delay: int = 3
+    feature_noise: float = 0.0
+
+
+class RecurrentNetwork(MotionNetwork):
+    """Speech features (B, 28, T) -> [face (B, E, T),] body (B, 42, T), hands (B, 126, T) in metres and radians."""
+
+    def __init__(self, pairs, settings):
+        super().__init__(pairs)
+        heard = pairs.channels["features"]
+        self.delay = settings.delay
+        self.memories = nn.ModuleDict(
+            {part: nn.LSTM(heard, settings.hidden, settings.layers, batch_first=True) for part in self.parts}
+        )
+        self.dropout = nn.Dropout(settings.dropout)
+        self.heads = nn.ModuleDict({part: nn.Linear(settings.hidden, pairs.channels[part]) for part in self.parts})
+
+    def forward(self, features):
+        heard = self.standardized("features", features).transpose(1, 2)
+        heard = torch.cat([heard, heard[:, -1:].expand(-1, self.delay, -1)], dim=1)
+        return tuple(self.measured(part, self._answer(part, heard)) for part in self.parts)
+
+    def _answer(self, part, heard):
+        remembered, _ = self.memories[part](heard)
+        return self.heads[part](self.dropout(remembered[:, self.delay :])).transpose(1, 2)
+
+
+class LSTMTask:
+    """Training of the three LSTMs together, for `cospeech.training.train`; they share nothing but the batches."""
+
+    def __init__(self, clips, settings, seed):
+        torch.manual_seed(seed)
+        self.settings = settings
+        self.pairs = Pairs(clips, settings.frames)
+        self.generator = RecurrentNetwork(self.pairs, settings).to(device())
+        self.modules = {"generator": self.generator}
+        self.optimizers = {"generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate)}
+        self.description = {
+            "model": "lstm", "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
+            "face_model": self.pairs.face_model, "multiple": 1, "halo": None,
+        }  # fmt: skip
+
+    def iterate(self, step, rng):
+        real = self.pairs.sample(rng, self.settings.batch)
+        noise = self.settings.feature_noise * self.generator.features_deviation
+        with autocast():
+            predicted = self.generator(real["features"] + noise * torch.randn_like(real["features"]))
+        standardized = self.generator.standardized
+        losses = {
+            part: F.mse_loss(standardized(part, found.float()), standardized(part, real[part]))
+            for part, found in zip(self.generator.parts, predicted, strict=True)
+        }
+        descend(self, "generator", sum(losses.values()))
+        return {part: loss.detach() for part, loss in losses.items()}
+
+    def export(self):
+        """What is kept: (module in eval mode on the CPU, {input: example (B, C, T)}, output names)."""
+        example = {"features": torch.zeros(2, self.pairs.channels["features"], self.settings.frames)}
+        return self.generator.cpu().eval(), example, self.generator.parts
