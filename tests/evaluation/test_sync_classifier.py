@@ -1,0 +1,89 @@
+"""The sync classifier: it tells belonging from not on takes it never saw, and cannot where there is nothing to tell."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cospeech.clip import Motion
+from cospeech.errors import CospeechError
+from cospeech.evaluation.sync_classifier import (
+    WARNING,
+    Settings,
+    SyncClassifier,
+    train_sync_classifier,
+    write_judgement,
+    write_table,
+)
+from tests.conftest import make_clip
+
+SMALL = Settings(steps=150, batch=16, frames=32, width=0.1, learning_rate=2e-3)
+
+
+@pytest.fixture(scope="module")
+def classifier():
+    return train_sync_classifier([make_clip(seed, 512) for seed in range(3)], SMALL, seed=0)[0]
+
+
+def test_tells_unseen_takes_apart(classifier):
+    accuracy = classifier.accuracy([make_clip(8), make_clip(9)])
+    assert min(accuracy.values()) > 0.8
+    assert accuracy["combined"] == pytest.approx((accuracy["in_sync"] + accuracy["off_sync"]) / 2)
+
+
+def test_cannot_tell_where_speech_says_nothing():
+    """Features that have nothing to do with the motion: no more than chance on unseen takes."""
+    noise = [replace(make_clip(seed, 512), features=make_clip(seed + 50, 512).features) for seed in range(5)]
+    classifier, _ = train_sync_classifier(noise[:3], replace(SMALL, steps=60), seed=0)
+    assert 0.3 < classifier.accuracy(noise[3:])["combined"] < 0.7
+
+
+def test_score_is_the_share_of_windows_in_sync(classifier):
+    clip, other = make_clip(8), make_clip(9)
+    assert classifier.score(clip.features, clip.motion) > 0.8
+    assert classifier.score(clip.features, other.motion) < 0.3
+    half = Motion(*(np.concatenate([a[:128], b[128:]]) for a, b in ((clip.positions, other.positions),
+                                                                    (clip.rotation, other.rotation))))  # fmt: skip
+    assert 0.3 < classifier.score(clip.features, half) < 0.75
+    assert np.isnan(classifier.score(clip.features[:31], clip.section(0, 31).motion))
+
+
+def test_one_test_clip_is_mismatched_with_itself_elsewhere(classifier):
+    assert classifier.accuracy([make_clip(8, 512)])["combined"] > 0.75
+    with pytest.raises(CospeechError, match="mismatching needs two takes"):
+        classifier.accuracy([make_clip(8, 40)])
+    with pytest.raises(CospeechError, match="no clip has the 32 frames"):
+        classifier.accuracy([make_clip(8, 31)])
+
+
+def test_saved_and_loaded_is_the_same(classifier, tmp_path):
+    classifier.save(tmp_path / "sync.safetensors")
+    again = SyncClassifier.load(tmp_path / "sync.safetensors")
+    clip = make_clip(7)
+    given = classifier.windows(clip.features, clip.motion)
+    np.testing.assert_array_equal(again.logits(given), classifier.logits(given))
+    assert again.frames == 32
+
+
+def test_same_seed_same_bytes(classifier, tmp_path):
+    again, _ = train_sync_classifier([make_clip(seed, 512) for seed in range(3)], SMALL, seed=0)
+    classifier.save(tmp_path / "a"), again.save(tmp_path / "b")
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_window_that_cannot_be_pooled_is_refused():
+    with pytest.raises(CospeechError, match="20 frames is not a multiple of 8"):
+        train_sync_classifier([make_clip()], replace(SMALL, frames=20))
+
+
+def test_table(tmp_path):
+    accuracy = {"in_sync": 0.827, "off_sync": 0.921, "combined": 0.874}
+    write_judgement(tmp_path / "a.h5", "oliver", 64, accuracy, {"ground_truth": 0.8, "knn": 0.5})
+    write_judgement(tmp_path / "b.h5", "oliver", 32, accuracy, {"ground_truth": 0.7, "knn": np.nan})
+    write_table(tmp_path / "table.csv", [tmp_path / "a.h5", tmp_path / "b.h5"])
+    with open(tmp_path / "table.csv", newline="") as file:
+        first, second = csv.DictReader(file)
+    assert [first[f"{name} [%]"] for name in ("in_sync", "off_sync", "combined")] == ["82.7", "92.1", "87.4"]
+    assert first["knn judged in sync [%]"] == "50.0" and second["knn judged in sync [%]"] == "n/a"
+    assert first["warning"] == WARNING and second["frames"] == "32"

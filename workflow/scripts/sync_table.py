@@ -1,0 +1,8 @@
+"""Put every sync classifier's accuracies and scores into one table."""
+
+from job import job, snakemake
+
+with job():
+    from cospeech.evaluation.sync_classifier import write_table
+
+    write_table(snakemake.output.csv, snakemake.input)
