@@ -14,7 +14,8 @@ class Sample:
     """One person in one image.
 
     image : path, or (H, W, 3) uint8 RGB. joints2d (K, 2) float32 pixels, zeros where not labelled.
-    visible (K,) bool: labelled in 2D and inside the image. joints3d (J, 3) float32 millimetres, or None.
+    visible (K,) bool: labelled in 2D, not marked as hidden (unless those were asked for) and inside the image.
+    joints3d (J, 3) float32 millimetres, NaN for joints that the data set does not have; or None.
     camera (3, 3) float64 intrinsic matrix in pixels, or None. mask (H, W) uint8, 255 on the person, path, or None.
     tags {name: str}: activity, scene, subject, domain..., whatever the owners give.
     """
@@ -34,7 +35,8 @@ class Batch:
 
     images (N, S, S, 3) uint8 RGB. joints2d (N, K, 2) float32 pixels of the crop. visible (N, K) bool.
     joints3d (N, J, 3) float32 millimetres in the axes of the crop's own (virtual) camera; zeros where there are none.
-    labelled3d (N,) bool: whether `joints3d` may be trained on. mask (N, S, S) uint8, 255 on the person, or None.
+    labelled3d (N,) bool: whether `joints3d` may be trained on, that is, has all J.
+    mask (N, S, S) uint8, 255 on the person, or None.
     tags {name: (N,) array of str}.
     """
 
