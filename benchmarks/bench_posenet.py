@@ -3,7 +3,9 @@
 python benchmarks/bench_posenet.py
 """
 
+import tempfile
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,7 +14,13 @@ from scipy.spatial.transform import Rotation
 from torch import nn
 
 from cospeech.posenet import camera, metrics
+from cospeech.posenet.export import INPUT, OUTPUTS, Exported
+from cospeech.posenet.loader import Mixture
 from cospeech.posenet.network import Design, PoseNet, heatmap_targets, level
+from cospeech.posenet.synthetic import write_people
+from cospeech.posenet.task import PoseTask, Settings
+from cospeech.training import autocast
+from cospeech.weights import OnnxNetwork, export_onnx
 
 
 def seconds(function, repeat=5):
@@ -91,6 +99,62 @@ def main():
     for name, ours, obvious in cases:
         mine, other = seconds(ours), seconds(obvious, 3)
         print(f"{name:40s} {1e3 * mine:9.2f} ms   {other / mine:8.2f} times the speed of the alternative")
+    through_onnxruntime(network, classifier)
+    training_step()
+    if torch.cuda.is_available():
+        on_a_gpu(network)
+
+
+def through_onnxruntime(network, classifier, threads=2):
+    """Both networks as ONNX on the same crop, in turns, so that what else the machine does hits both alike."""
+    crops, sessions = torch.rand(1, 3, 256, 256), []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, module, outputs in (("posenet", Exported(network), OUTPUTS), ("resnet50", classifier, ("scores",))):
+            path = Path(folder) / f"{name}.onnx"
+            export_onnx(module, path, {INPUT: torch.rand(2, 3, 256, 256)}, outputs, {"model": name}, sequences=False)
+            sessions.append(OnnxNetwork(path, threads))
+        best = [float("inf")] * 2
+        for _ in range(30):
+            for i, session in enumerate(sessions):
+                best[i] = min(best[i], seconds(lambda run=session: run(images=crops.numpy()), 1))
+    print(f"onnxruntime, {threads} threads, a crop of 256 x 256: network {1e3 * best[0]:.1f} ms, bare ResNet-50 "
+          f"{1e3 * best[1]:.1f} ms, ratio {best[0] / best[1]:.2f}")  # fmt: skip
+
+
+def training_step(steps=40):
+    """Seconds of a step of the demo budget's network, and the share of them that the data holds it up."""
+    settings = Settings(pretraining=0, steps=steps, batch=32, optimizer="adam", input=64, blocks=(1, 1, 2), width=24,
+                        free=18, latent=256, camera=64)  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        write_people(f"{folder}/people.h5", "body", {"studio": 128, "wild": 128}, size=64, seed=0)
+        task = PoseTask(Mixture([f"{folder}/people.h5"]), settings, 0)
+        for step in range(5):
+            task.iterate(step, None)
+        began, waited = time.perf_counter(), task.loader.waited
+        for step in range(5, steps):
+            task.iterate(step, None)
+        took, waited = time.perf_counter() - began, task.loader.waited - waited
+        began = time.perf_counter()
+        task.draw(0)
+        drawn = time.perf_counter() - began
+        task.loader.close()
+    print(f"training step, 32 people of 64 x 64: {1e3 * took / (steps - 5):.1f} ms, waiting for data "
+          f"{100 * waited / took:.1f} %; making a mini-batch takes {1e3 * drawn:.1f} ms in its thread")  # fmt: skip
+
+
+def on_a_gpu(network):
+    """Images per second of the full network in mixed precision, by batch size."""
+    network = network.cuda().to(memory_format=torch.channels_last)
+    for batch in (1, 8, 32, 128, 512):
+        images = torch.rand(batch, 3, 256, 256, device="cuda").to(memory_format=torch.channels_last)
+
+        def run(images=images):
+            with autocast():
+                infer(network, images)
+            torch.cuda.synchronize()
+
+        seconds(run, 3)
+        print(f"GPU, mixed precision, batch {batch:3d}: {batch / seconds(run, 10):9.0f} images/s")
 
 
 if __name__ == "__main__":

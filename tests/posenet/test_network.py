@@ -9,7 +9,7 @@ from safetensors.torch import save_file
 
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.posenet import EVALUATED, JOINTS21, losses
-from cospeech.posenet.network import PARTS, Design, PoseNet, heatmap_peaks, heatmap_targets, load_imagenet
+from cospeech.posenet.network import DESIGNS, Design, PoseNet, heatmap_peaks, heatmap_targets, load_imagenet
 
 TINY = Design(input=64, blocks=(1, 1, 2), width=8, free=18, latent=64, camera=16)
 
@@ -138,9 +138,9 @@ def test_lifting_adds_z_to_the_output_of_its_second_layer(full):
         assert all(matrix.shape == (1024, 1024) for matrix, _ in (first, second, third, fourth))
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", DESIGNS)
 def test_one_class_serves_body_hand_and_face(part):
-    design = dataclasses.replace(PARTS[part], input=48, blocks=(1, 1, 1), width=16, latent=32)
+    design = dataclasses.replace(DESIGNS[part], input=48, blocks=(1, 1, 1), width=16, latent=32)
     joints, maps = {"body": (21, 14), "hand": (21, 21), "face": (68, 68)}[part]
     output = PoseNet(design).eval()(torch.rand(1, 3, 48, 48))
     assert output.pose.shape == (1, joints, 3) and output.heatmaps.shape == (1, maps, 3, 3)

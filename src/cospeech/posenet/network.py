@@ -17,7 +17,7 @@ from torch import nn
 from cospeech.errors import CospeechError, notice
 from cospeech.posenet import EVALUATED, JOINTS21
 from cospeech.posenet.camera import weak_perspective
-from cospeech.skeleton import RIGHT_HAND, UPPER55
+from cospeech.posenet.datasets.parts import PARTS
 
 STRIDE = 16  # s in thesis 3.3.4: image pixels per heatmap pixel, along one side
 EXPANSION = 4  # a bottleneck's output channels over its width
@@ -28,8 +28,9 @@ MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet's RGB, f
 class Design:
     """Everything that fixes a network's shape.
 
-    joints : names of the J joints predicted in 3D. root : the one at the origin.
+    joints : names of the J joints predicted in 3D. root : the one at the origin. parents : J indices, -1 for the root.
     heatmaps : names of the K joints with a heatmap, each one of `joints`.
+    unit : metres in which poses are predicted, so that every part is about one unit large.
     input : side of the square crop in pixels, a multiple of 16.
     blocks : bottlenecks in levels 2 to 4. width : of level 2; levels 3 and 4 are 2 and 4 times as wide.
     free : channels of F3D beside the heatmaps. latent : size of z and of f3D's layers. camera : hidden size of f_c.
@@ -37,7 +38,9 @@ class Design:
 
     joints: tuple = JOINTS21.names
     root: str = "pelvis"
+    parents: tuple = JOINTS21.parents
     heatmaps: tuple = EVALUATED
+    unit: float = 1.0
     input: int = 256
     blocks: tuple = (3, 4, 6)
     width: int = 64
@@ -49,6 +52,8 @@ class Design:
         missing = [name for name in (self.root, *self.heatmaps) if name not in self.joints]
         if missing:
             raise CospeechError(f"pose network: {missing[0]!r} is not among its joints {', '.join(self.joints)}")
+        if len(self.parents) != len(self.joints):
+            raise CospeechError(f"pose network: {len(self.parents)} parents for {len(self.joints)} joints")
         if self.input < STRIDE or self.input % STRIDE:
             raise CospeechError(f"pose network: input {self.input} is not a multiple of {STRIDE}")
         if len(self.blocks) != 3 or min(self.blocks) < 1:
@@ -67,19 +72,18 @@ class Design:
         return self.input // STRIDE
 
 
-HAND = tuple(name.removeprefix("right_") for name in UPPER55.names[RIGHT_HAND])
-FACE = tuple(f"landmark_{i}" for i in range(68))  # iBUG's order; 30 is the tip of the nose
-PARTS = {
-    "body": Design(),
-    "hand": Design(joints=HAND, root="hand_root", heatmaps=HAND),
-    "face": Design(joints=FACE, root="landmark_30", heatmaps=FACE),
-}
+def _design(part, unit):
+    skeleton = part.skeleton
+    return Design(skeleton.names, skeleton.names[skeleton.root], skeleton.parents, part.heatmaps, unit)
+
+
+DESIGNS = {name: _design(part, 1.0 if name == "body" else 0.1) for name, part in PARTS.items()}  # by part
 
 
 class Output(NamedTuple):
     """What `PoseNet` returns for B crops.
 
-    pose (B, J, 3) : root-relative joints, metres, in the crop's virtual camera frame.
+    pose (B, J, 3) : root-relative joints in the design's unit (body: metres), in the crop's virtual camera frame.
     points (B, J, 2) : their projection (equation 3.2), in the crop's coordinates, -1 to 1.
     camera (B, 4) : alpha_x, alpha_y, c_x, c_y. heatmaps (B, K, h, w) : h2D. intermediate : the same of res4d and res5a.
     """

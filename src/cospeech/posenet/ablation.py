@@ -1,0 +1,46 @@
+"""The ablation of Table 3.6: four ways to train on the same people, each over several seeds, tested on `wild`.
+
+All rows share network, iterations and 2D pre-training. The baseline's second stage learns from 3D-labelled people
+alone, by joints and bone vectors. "+ 2D latent loss" adds people with 2D labels and supervises the heatmaps;
+"+ projection loss" adds them and compares the projected pose with the labels. Bone lengths (equation 3.6) act wherever
+people with 2D labels alone do.
+"""
+
+import csv
+
+import numpy as np
+
+from cospeech.errors import CospeechError
+from cospeech.files import reading_hdf5, writing
+from cospeech.posenet.evaluate import METRICS, SCHEMA
+
+TITLES = {
+    "baseline": "baseline (direct 3D prediction + bone loss)",
+    "latent": "+ 2D latent loss + outdoor data",
+    "projection": "+ 3D-to-2D projection loss + outdoor data",
+    "both": "+ 2D latent loss + outdoor data + 3D-to-2D projection loss",
+}
+
+
+def write_table(path, evaluations, domain="wild", protocol="globally scaled"):
+    """Write the table as CSV: a line a row, mean and deviation over seeds of each metric.
+
+    evaluations : {row of TITLES: [paths of evaluation.h5, one a seed]}. The deviation is of the sample, n/a for one.
+    """
+    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["row", "method", "seeds", *(h for m in METRICS for h in (m, f"{m} deviation"))])
+        for row, paths in evaluations.items():
+            values = np.array([_values(path, domain, protocol) for path in paths])
+            mean, spread = values.mean(axis=0), values.std(axis=0, ddof=1) if len(paths) > 1 else None
+            cells = [[f"{m:.2f}", "n/a" if spread is None else f"{spread[i]:.2f}"] for i, m in enumerate(mean)]
+            table.writerow([row, TITLES[row], len(paths), *(cell for pair in cells for cell in pair)])
+
+
+def _values(path, domain, protocol):
+    with reading_hdf5(path, SCHEMA) as file:
+        keys = zip(*(file[f"table/{name}"].asstr()[()] for name in ("domain", "row", "protocol")), strict=True)
+        table = dict(zip(keys, file["table/values"][()], strict=True))
+    if (domain, "posenet", protocol) not in table:
+        raise CospeechError(f"{path}: has no people of the domain {domain!r}; test on some")
+    return table[domain, "posenet", protocol]

@@ -1,0 +1,21 @@
+"""Stores of synthetic people: what the pose networks learn from where no data set is named."""
+
+from cospeech.posenet.people import make_people
+from cospeech.posenet.store import write_store
+
+MARGIN = 1.3  # room around the network's crop, to turn and shift it in
+TEST = 1_000_000  # number of the first person to test with; those to train with are counted from 0
+LICENCE = "synthetic people made by cospeech; no terms of their own"
+
+
+def write_people(path, part, counts, *, size, seed, test=False):
+    """Write a store of synthetic people of a part, mixed domains in one file; returns how many.
+
+    counts : {"studio" or "wild": how many}. size : side of the network's crop, pixels.
+    test : other people than without, and cut out as the network sees them, without room for augmentation.
+    """
+    margin = 1.0 if test else MARGIN
+    side, start = round(margin * size), TEST if test else 0
+    options = {"part": part, "size": side, "margin": side / size, "seed": seed, "start": start}
+    batches = (batch for domain, n in counts.items() for batch in make_people(n, domain=domain, **options))
+    return write_store(path, batches, part=part, source="synthetic people", margin=side / size, licence_note=LICENCE)

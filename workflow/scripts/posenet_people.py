@@ -1,0 +1,15 @@
+"""Draw synthetic people to train a pose network with, and others to test it on."""
+
+from job import job, snakemake
+
+with job():
+    from cospeech.posenet.synthetic import write_people
+    from cospeech.posenet.task import Settings
+    from cospeech.settings import settings_of
+
+    settings = settings_of(Settings(), snakemake.params.settings, "posenet")
+    part, options = snakemake.wildcards.part, {"size": settings.input, "seed": snakemake.params.seed}
+    trained = {domain: settings.people[domain] for domain in ("studio", "wild")}
+    tested = dict.fromkeys(trained, settings.people["test"])
+    write_people(snakemake.output.train, part, trained, **options)
+    write_people(snakemake.output.test, part, tested, test=True, **options)

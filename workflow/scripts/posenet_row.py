@@ -1,0 +1,25 @@
+"""Train, export and score one row of Table 3.6 with one seed."""
+
+from pathlib import Path
+
+from job import job, snakemake
+
+with job():
+    from cospeech.posenet.evaluate import evaluate
+    from cospeech.posenet.export import export_posenet
+    from cospeech.posenet.task import Settings, train_posenet
+    from cospeech.settings import settings_of
+
+    files, made = snakemake.input, snakemake.output
+    train_posenet(
+        files.people,
+        settings_of(Settings(), snakemake.params.settings, "posenet").row(snakemake.wildcards.row),
+        seed=int(snakemake.wildcards.seed),
+        folder=Path(made.weights).parent,
+        imagenet=files.get("imagenet") or None,
+        checkpoint=snakemake.params.checkpoint,
+    )
+    export_posenet(made.weights, made.network, made.manifest)
+    evaluation = evaluate(made.network, files.test, snakemake.threads)
+    print(*evaluation.lines(), sep="\n")
+    evaluation.write(made.evaluation)

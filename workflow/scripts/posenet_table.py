@@ -1,0 +1,8 @@
+"""The ablation of Table 3.6 from the scores of its rows."""
+
+from job import job, snakemake
+
+with job():
+    from cospeech.posenet.ablation import TITLES, write_table
+
+    write_table(snakemake.output[0], {row: snakemake.input[row] for row in TITLES})

@@ -1,0 +1,18 @@
+"""Train the pose network of one part."""
+
+from pathlib import Path
+
+from job import job, snakemake
+
+with job():
+    from cospeech.posenet.task import Settings, train_posenet
+    from cospeech.settings import settings_of
+
+    train_posenet(
+        snakemake.input.people,
+        settings_of(Settings(), snakemake.params.settings, "posenet"),
+        seed=snakemake.params.seed,
+        folder=Path(snakemake.output.weights).parent,
+        imagenet=snakemake.input.get("imagenet") or None,
+        checkpoint=snakemake.params.checkpoint,
+    )
