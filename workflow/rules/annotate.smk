@@ -52,6 +52,57 @@ rule annotate_mocap:
         "../scripts/annotate_mocap.py"
 
 
+# One set of bone lengths for a speaker, from all of their tracks.
+rule speaker_bones:
+    input:
+        tracks=lambda w: [f"<results>/{w.subject}/tracks/{take}.h5" for take in SUBJECTS[w.subject].takes],
+    output:
+        bones="<results>/{subject}/bones.h5",
+    log:
+        "<logs>/speaker_bones/{subject}.log",
+    benchmark:
+        "<benchmarks>/speaker_bones/{subject}.tsv"
+    wildcard_constraints:
+        subject=of_kind("video"),
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        code=library_code("speaker_bones.py"),
+    script:
+        "../scripts/speaker_bones.py"
+
+
+rule annotate_video:
+    input:
+        unpack(lambda w: {"words": take_of(w)["words"]} if "words" in take_of(w) else {}),
+        track="<results>/{subject}/tracks/{clip}.h5",
+        wav="<results>/{subject}/media/{clip}.wav",
+        bones="<results>/{subject}/bones.h5",
+    output:
+        clip="<results>/{subject}/clips/{clip}.h5",
+        quality="<results>/{subject}/quality/{clip}.h5",
+        page="<results>/{subject}/quality/{clip}.html",
+    log:
+        "<logs>/annotate/{subject}-{clip}.log",
+    benchmark:
+        "<benchmarks>/annotate/{subject}-{clip}.tsv"
+    wildcard_constraints:
+        subject=of_kind("video"),
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+    params:
+        fps=config["fps"],
+        code=library_code("annotate_video.py"),
+    script:
+        "../scripts/annotate_video.py"
+
+
 rule annotate_clips:
     input:
         clip=lambda w: take_of(w)["clip"],
@@ -79,3 +130,15 @@ rule annotate_clips:
 rule clips:
     input:
         [f"<results>/{name}/clips/{take}.h5" for name, subject in SUBJECTS.items() for take in subject.takes],
+
+
+# Target: the quality pages of every take on film, and the overlay films that they show.
+rule quality:
+    input:
+        [
+            f"<results>/{name}/quality/{take}.{suffix}"
+            for name, subject in SUBJECTS.items()
+            if subject.source["kind"] == "video"
+            for take in subject.takes
+            for suffix in ("html", "mp4")
+        ],

@@ -69,7 +69,7 @@ def read_mocap_take(
         subject, clip, float(fps), figure.positions.astype(np.float32),
         speech_features(samples, rate, fps=fps, frames=frames), confidence=figure.confidence.astype(np.float32),
         root=figure.root.astype(np.float32), rotation=figure.rotation.astype(np.float32),
-        words=_cut_words(spoken or Words.none(), start, end), audio=audio_path, sample_rate=rate,
+        words=cut_words(spoken or Words.none(), start, end), audio=audio_path, sample_rate=rate,
         loudness_lufs=integrated_loudness(samples, rate), source=Path(motion).name, source_sha256=sha256(motion),
     ).validate(motion)  # fmt: skip
 
@@ -88,7 +88,8 @@ def _end(motion, audio, moving, sounding, start, end, fps):
     return both if end is None else min(end, both)
 
 
-def _cut_words(words, start, end):
+def cut_words(words, start, end):
+    """The `Words` of a recording that sound between `start` and `end` seconds, in the time that starts there."""
     kept = np.flatnonzero((np.asarray(words.end) > start) & (np.asarray(words.start) < end))
     first, last = np.asarray(words.start)[kept] - start, np.asarray(words.end)[kept] - start
     return Words(np.clip(first, 0, None), np.clip(last, None, end - start), [words.text[i] for i in kept])
@@ -236,7 +237,7 @@ def _add_hands(positions, points, rest, axes, since_rest, name):
         # the shortest turn from a T-pose's arm to this one keeps the palm as an arm does that sinks to the side
         onto = Rotation.from_quat(between(aside, forearm)) * axes
         turn = since_rest(points.anchors[wrist])
-        for finger, bones in _rest_hand(np.linalg.norm(forearm) / REST_FOREARM, sign).items():
+        for finger, bones in rest_hand(np.linalg.norm(forearm) / REST_FOREARM, sign).items():
             parent = root
             for joint, bone in zip(UPPER55.joints(*(f"{side}_{finger}_{i}" for i in range(4))), bones, strict=True):
                 if not points.present[joint]:
@@ -244,8 +245,11 @@ def _add_hands(positions, points, rest, axes, since_rest, name):
                 parent = joint
 
 
-def _rest_hand(scale, sign):
-    """{finger: (4, 3) metres}: each joint's offset from the one before, for the left (sign 1) or right hand (-1)."""
+def rest_hand(scale, sign):
+    """{finger: (4, 3) metres}: each joint's offset from the one before, for the left (sign 1) or right hand (-1).
+
+    In a T-pose, palms down, x left and y up; `scale` 1 fits a forearm of REST_FOREARM.
+    """
     hand = {}
     for finger, (knuckle, lengths) in REST_HAND.items():
         bend = np.zeros(3) if finger == "thumb" else REST_BEND

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 import cv2
@@ -47,6 +48,21 @@ def render_video(path, panels, audio=None, size=(960, 540), fps=None, subtitles=
     count = max(round(duration * fps), 1)
     with writing(path) as temporary:
         _encode(temporary, _pictures(panels, size, np.arange(count) / float(fps), subtitles), size, fps, sound, count)
+
+
+def write_film(path, pictures, count, fps, audio=None):
+    """Write an mp4 of `count` RGB pictures (height, width, 3) uint8, all of one size, with sound as in `render_video`.
+
+    An odd row or column at the edge is left out, as H.264 wants even sizes.
+    """
+    path, pictures = Path(path), iter(pictures)
+    if path.suffix.lower() != ".mp4":
+        raise CospeechError(f"{path}: cannot write this kind of file; give a name that ends in .mp4")
+    first = next(pictures)
+    size = first.shape[1] // 2 * 2, first.shape[0] // 2 * 2
+    shown = (np.ascontiguousarray(p[: size[1], : size[0], ::-1]) for p in chain([first], pictures))
+    with writing(path) as temporary:
+        _encode(temporary, shown, size, Fraction(fps).limit_denominator(1001), _sound(audio), count)
 
 
 def still(path, clip, time=0.0, size=(960, 540), title=None):

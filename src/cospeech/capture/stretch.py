@@ -1,0 +1,145 @@
+"""A stretch of a take without a cut: filled, on the clip's clock, upright, facing forward, on its bones, smoothed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from cospeech.capture.assemble import HANDS
+from cospeech.capture.fill import EXCLUDED, fill_gaps, fill_joints
+from cospeech.formats.mocap import HEADING_SECONDS, REST_FOREARM, UP, rest_hand
+from cospeech.rotation import between, continuous, heading, resample, resample_rotations
+from cospeech.skeleton import UPPER55, with_bone_lengths
+
+TRUST = np.array([0.0, 0.5, 1.0])  # factor on the confidence of what is excluded, interpolated, observed
+SIDES = {"right": -1.0, "left": 1.0}
+LEFT, RIGHT = UPPER55.joints("left_hip", "left_shoulder"), UPPER55.joints("right_hip", "right_shoulder")
+
+
+@dataclass
+class Face:
+    """A face over F frames: rotation (F, 3) axis-angle, score (F,) with 0 where no face was seen, expression (F, E) or
+    None. Rotation 0 looks along +z: at the video's rate into the camera, on the clip's clock forward."""
+
+    rotation: np.ndarray
+    score: np.ndarray
+    expression: np.ndarray | None = None
+
+    def section(self, where):
+        """The frames of a slice."""
+        return Face(*(None if a is None else a[where] for a in (self.rotation, self.score, self.expression)))
+
+    @classmethod
+    def joined(cls, faces):
+        """Faces one after the other."""
+        return cls(*(None if parts[0] is None else np.concatenate(parts) for parts in
+                     zip(*((f.rotation, f.score, f.expression) for f in faces), strict=True)))  # fmt: skip
+
+
+@dataclass
+class Stretch:
+    """What became of one stretch; the arrays as in `cleanup.Cleaned`."""
+
+    positions: np.ndarray
+    confidence: np.ndarray
+    state: np.ndarray
+    tilt: float
+    face: Face | None = None
+    face_state: np.ndarray | None = None
+
+
+def clean_stretch(sight, believed, typical, bones, face, *, clock, apart, sigma, unify, upright, forward):
+    """Clean one stretch of a take.
+
+    sight, believed : as `cleanup.believe` judged them. typical (55, 3) : for joints never believed here;
+    NaN for hands that are to rest. bones (55,). clock : (fps, rate, frames, start): frame i of the result shows the
+    video at start + i / rate seconds. apart : frames of the video up to which gaps are filled. sigma : frames of
+    the result.
+    """
+    fps, rate, frames, start = clock
+    positions = np.where(believed.any(axis=0)[:, None], sight.positions, typical)
+    resting = np.isnan(positions).any(axis=(0, 2))
+    known = np.concatenate([np.where(resting[:, None], 0.0, positions), sight.score[..., None]], axis=-1)
+    filled, state = fill_joints(known, believed, apart)
+    at = _nearest(len(sight), *clock)
+    positions = resample(filled[..., :3], fps, rate, frames, start)
+    state, score = state[at], np.clip(filled[at, :, 3], 0, 1)
+    turn, tilt = _upright(positions, state) if upright else (Rotation.identity(), 0.0)
+    positions = turn.apply(positions.reshape(-1, 3)).reshape(positions.shape)
+    away = _heading(positions, rate) if forward else Rotation.identity(frames)
+    positions = np.einsum("tji,tkj->tki", away.as_matrix(), positions)
+    _attach_hands(positions, resting, bones)
+    if unify:
+        positions = with_bone_lengths(positions, bones)
+    positions = smooth(positions, sigma)
+    if unify:  # smoothing cuts the corners of turning bones
+        positions = with_bone_lengths(positions, bones)
+    stretch = Stretch(positions, score * TRUST[state], state, tilt)
+    if face is not None:
+        stretch.face, stretch.face_state = _clean_face(face, away.inv() * turn, clock, apart, sigma)
+    return stretch
+
+
+def smooth(values, sigma):
+    """Zero-phase Gaussian along time, (T, ...), sigma in frames; the ends are held (scipy's mode "nearest")."""
+    return gaussian_filter1d(values, sigma, axis=0, mode="nearest") if sigma else values
+
+
+def smooth_rotations(rotations, sigma):
+    """`smooth` for rotations (T, 3) axis-angle: the components of sign-continuous quaternions are filtered."""
+    quaternions = smooth(continuous(Rotation.from_rotvec(rotations).as_quat()), sigma)
+    return Rotation.from_quat(quaternions).as_rotvec()
+
+
+def _nearest(length, fps, rate, frames, start):
+    return np.clip(np.round((start + np.arange(frames) / rate) * fps).astype(int), 0, length - 1)
+
+
+def _upright(positions, state):
+    """The rotation that makes the mean trunk (pelvis to neck) vertical, and its angle in degrees."""
+    neck, pelvis = UPPER55.joints("neck", "pelvis")
+    known = (state[:, neck] != EXCLUDED) if (state[:, neck] != EXCLUDED).any() else slice(None)
+    trunk = (positions[known, neck] - positions[known, pelvis]).mean(axis=0)
+    if not np.linalg.norm(trunk):
+        return Rotation.identity(), 0.0
+    turn = Rotation.from_quat(between(trunk, UP))
+    return turn, float(np.degrees(turn.magnitude()))
+
+
+def _heading(positions, rate):
+    """Where hips and shoulders face, smoothed over time as for motion capture: T rotations about the vertical."""
+    across = positions[:, LEFT] - positions[:, RIGHT]
+    across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
+    return Rotation.from_rotvec(heading(across, rate, HEADING_SECONDS)[:, None] * UP)
+
+
+def _attach_hands(positions, resting, bones):
+    """Put hands, relative to their wrists, onto the arms, in place; those never seen rest, turning with the forearm."""
+    for side, sign in SIDES.items():
+        elbow, wrist, root = UPPER55.joints(f"{side}_elbow", f"{side}_wrist", f"{side}_hand_root")
+        hand = HANDS[f"{side}_hand"]
+        if resting[root]:
+            forearm = positions[:, wrist] - positions[:, elbow] + [1e-9 * sign, 0.0, 0.0]
+            turn = Rotation.from_quat(between([sign, 0.0, 0.0], forearm))
+            positions[:, root] = 0.0
+            for finger, offsets in rest_hand(bones[wrist] / REST_FOREARM or 1.0, sign).items():
+                for i, bone in enumerate(np.cumsum(offsets, axis=0)):
+                    positions[:, UPPER55.index[f"{side}_{finger}_{i}"]] = turn.apply(bone)
+        positions[:, hand] += positions[:, wrist, None] - positions[:, root, None]
+
+
+def _clean_face(face, turn, clock, apart, sigma):
+    """The face on the clip's clock, its rotation in the clip's axes by `turn` (T rotations) and smoothed."""
+    fps, rate, frames, start = clock
+    seen = face.score > 0
+    quaternions = Rotation.from_rotvec(face.rotation).as_quat()
+    quaternions[seen] = continuous(quaternions[seen])
+    columns = [quaternions, face.score[:, None]] + ([] if face.expression is None else [face.expression])
+    filled, state = fill_gaps(np.concatenate(columns, axis=1), seen, apart)
+    at = _nearest(len(seen), *clock)
+    turned = filled[:, :4] / np.linalg.norm(filled[:, :4], axis=1, keepdims=True)
+    rotation = turn * Rotation.from_quat(resample_rotations(turned, fps, rate, frames, start))
+    expression = None if face.expression is None else resample(filled[:, 5:], fps, rate, frames, start)
+    score = np.clip(filled[at, 4], 0, 1) * TRUST[state[at]]
+    return Face(smooth_rotations(rotation.as_rotvec(), sigma), score, expression), state[at]

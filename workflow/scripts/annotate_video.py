@@ -1,0 +1,28 @@
+"""A take on film becomes a clip: its track cleaned, its face fitted, its speech measured, and all of it judged."""
+
+from job import job, snakemake
+
+with job():
+    from cospeech.capture.annotate import annotate
+    from cospeech.capture.bones import read_bones
+    from cospeech.formats.mocap import cut_words
+    from cospeech.render.quality import write_page
+    from cospeech.speech import read_words
+    from cospeech.track import Track
+
+    files, name, track = snakemake.input, snakemake.wildcards.clip, Track.read(snakemake.input.track)
+    words = read_words(files.words) if files.get("words") else None  # in the film's time
+    clip, quality = annotate(
+        track,
+        files.wav,
+        subject=snakemake.wildcards.subject,
+        clip=name,
+        fps=snakemake.params.fps,
+        audio_path=f"../media/{name}.wav",
+        bones=read_bones(files.bones),
+        words=words and cut_words(words, track.start, track.start + track.frames / track.fps),
+        name=files.track,
+    )
+    quality.write(snakemake.output.quality)
+    write_page(snakemake.output.page, quality, film=f"{name}.mp4")
+    clip.write(snakemake.output.clip)

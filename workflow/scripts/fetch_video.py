@@ -1,0 +1,8 @@
+"""The film of a take that is an address, by yt-dlp."""
+
+from job import job, snakemake
+
+with job():
+    from cospeech.capture.media import fetch
+
+    fetch(snakemake.params.url, snakemake.output.video)

@@ -1,0 +1,10 @@
+"""The sound of a take: of its own file where it has one, else of its film."""
+
+from job import job, snakemake
+
+with job():
+    from cospeech.capture.media import take_sound
+    from cospeech.speech import write_wav
+
+    files, params = snakemake.input, snakemake.params
+    write_wav(snakemake.output.wav, *take_sound(files.video, files.get("audio"), params.start, params.end))
