@@ -33,6 +33,13 @@ def tied(random_takes):
     few = np.array([0, 7, 19, 23, 40, 51])
     tied.pose = tied.pose[0, rng.choice(few, size=(12, 64))]
     tied.audio = tied.audio[0, rng.choice(few, size=(12, 64))]
-    tied.eligible = tied.eligible & (rng.random((12, 64)) < 0.8)
-    tied.eligible[4] = False
+    tied.real = tied.real & (rng.random((12, 64)) < 0.8)
+    tied.real[4] = False
+    tied.eligible &= tied.real
     return tied
+
+
+@pytest.fixture(scope="session")
+def single(random_takes):
+    """One clip."""
+    return Database.from_arrays(*random_takes(np.random.default_rng(3), (80,)), ["only"])

@@ -26,23 +26,25 @@ def relrank(distances):
     return ranks
 
 
-def algorithm1(pose, audio, eligible, queries, initial, k=1, mask=None, variant="pose", excluded=None):
+def algorithm1(pose, audio, eligible, queries, initial, k=1, mask=None, variant="pose", excluded=None, offset=0):
     """pose (M, F, 96), audio (M, F, 112), eligible (M, F), queries (W, 112), initial (96,), mask None or (W, M, F).
 
-    excluded (M, F) bool: windows that may not start there. Returns [(clip, frame, pose rank, audio rank)] of length W.
-    Where the mask leaves no candidate it is dropped for that window.
+    excluded (M, F) bool: windows that may not start there. offset: the compared pose is that so many frames before the
+    window. A window that leaves its clip goes on in the next (where `eligible` says that it may). Where the mask leaves
+    no candidate it is dropped for that window. Returns [(clip, frame, pose rank, audio rank)] of length W.
     """
     clips, frames = eligible.shape
+    row = lambda array, m, s: array[m + s // frames, s % frames]  # noqa: E731
     p, steps = np.asarray(initial, np.float64), []
     for w, f in enumerate(np.asarray(queries, np.float64)):
-        pose_distance, audio_distance = euclidean(pose, p), cosine(audio, f)
+        pose_distance, audio_distance = np.roll(euclidean(pose, p), offset, axis=1), cosine(audio, f)
         first = audio_distance if variant == "audio" else pose_distance
         for c in [None] if mask is None else [mask[w], None]:
             candidates = []
             for m in range(clips):
                 r, smallest = None, np.inf
-                for s in range(frames - N + 1):
-                    allowed = eligible[m, s] and (c is None or (c[m, s] and c[m, s + N - 1]))
+                for s in range(offset, frames):
+                    allowed = eligible[m, s] and (c is None or (c[m, s] and row(c, m, s + N - 1)))
                     if excluded is not None and excluded[m, s]:
                         allowed = False
                     if allowed and first[m, s] < smallest:
@@ -60,5 +62,5 @@ def algorithm1(pose, audio, eligible, queries, initial, k=1, mask=None, variant=
         i = order[min(k, len(order)) - 1]
         steps.append((*candidates[i], pose_ranks[i], audio_ranks[i]))
         m, r = candidates[i]
-        p = np.asarray(pose[m, r + N - 1], np.float64)
+        p = np.asarray(row(pose, m, r + N - 1), np.float64)
     return steps

@@ -46,11 +46,12 @@ def test_fakes_come_from_other_takes_and_half_of_them_are_best_matches(database)
     features = rng.normal(size=(60, 64, 28)).astype(np.float32)
     takes = np.array(["one", "two", "three"])[rng.integers(3, size=60)]
     fakes = fake_pairs(database, features, takes, seed=1)
-    assert fakes.shape == (60, 64, 55, 3) and fakes.dtype == np.float32
-    for fake, take in zip(fakes, takes, strict=True):
+    assert len(fakes) == 60 and fakes.shape == fakes[:].shape == (60, 64, 55, 3) and fakes[0].dtype == np.float32
+    assert np.array_equal(fakes[[5, 2]], np.stack([fakes[5], fakes[2]])) and fakes[4:7].shape == (3, 64, 55, 3)
+    for fake, take in zip(fakes[:], takes, strict=True):
         assert take not in {source[0] for source in sources(database, fake)}
-    assert np.array_equal(fakes, fake_pairs(database, features, takes, seed=1))
-    assert not np.array_equal(fakes, fake_pairs(database, features, takes, seed=2))
+    assert np.array_equal(fakes[:], fake_pairs(database, features, takes, seed=1)[:])
+    assert not np.array_equal(fakes[:], fake_pairs(database, features, takes, seed=2)[:])
 
 
 def test_ranks_of_the_fakes_are_mixed_as_published(database, monkeypatch):
@@ -77,7 +78,7 @@ def test_a_single_take_excludes_the_sequences_own_stretch(random_takes):
     starts = np.arange(0, 500, 37)
     speech = np.stack([features[0][s : s + 64] for s in starts])
     fakes = fake_pairs(database, speech, ["a"] * len(starts), starts / 15.0)
-    for fake, start in zip(fakes, starts, strict=True):
+    for fake, start in zip(fakes[:], starts, strict=True):
         for _, clip, frame in sources(database, fake):
             assert 64 * clip + frame + 8 <= start or 64 * clip + frame >= start + 64
     with pytest.raises(CospeechError, match="only take is 'a'"):

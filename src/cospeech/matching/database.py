@@ -1,34 +1,33 @@
-"""The matching database: the training takes cut into clips, with the features that the search compares (thesis 5.3.2).
+"""The matching database: the training takes cut into clips, with what the search compares (thesis 5.3.2)."""
 
-Features are computed on each whole take before it is cut, so that a clip's last frames look ahead into what truly
-followed. Frames past a take's last whole clip serve that look-ahead only.
-"""
-
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from cospeech import __version__
-from cospeech.clip import FEATURES, Words
+from cospeech.clip import Words
 from cospeech.errors import CospeechError, notice
 from cospeech.files import put, reading_hdf5, writing_hdf5
-from cospeech.matching.features import (
-    AUDIO_WIDTH,
-    LOOKAHEAD,
-    POSE_WIDTH,
-    WINDOW,
-    Normalization,
-    audio_features,
-    pose_features,
-    real_ahead,
-)
+from cospeech.matching.build import Parts, check, check_lengths, joined_parts, parts_of
+from cospeech.matching.features import AUDIO_WIDTH, LOOKAHEAD, POSE_WIDTH, STATIC, WINDOW, Moments, Normalization
+from cospeech.matching.signals import SIGNALS, Signal, StoredSignal, covered_frames, signal_values
+from cospeech.matching.sources import stretches
 from cospeech.skeleton import UPPER55
 
 SCHEMA = "cospeech.database"
 CLIP_FRAMES = 64  # T_match of Algorithm 1
-LARGE = ("pose", "audio", "positions")  # stored plainly, so that they can be mapped into memory
+WIDTHS = {"pose": (POSE_WIDTH,), "audio": (AUDIO_WIDTH,), "positions": (len(UPPER55), 3), "speech": (STATIC,)}
+SMALL = ("rotation", "eligible", "real", "take", "start", "word_take", "joints_after", "speech_after", "clips")
+GROUPS = ("normalization", "signals", "takes", "words")
+# Whether a window may run on into its take's next clip, and how many frames before it the compared pose lies.
+PLACEMENTS = {
+    "published": (False, 0),
+    "continued": (False, 1),
+    "any_frame": (True, 0),
+    "any_frame_continued": (True, 1),
+}
 
 
 @dataclass
@@ -37,13 +36,17 @@ class Database:
 
     Attributes
     ----------
-    pose (M, F, 96), audio (M, F, 112) f4 : z-normalised features, as they are searched.
+    pose (M, F, 96), audio (M, F, 112) f4 : z-normalised features, as they are searched. Not to be changed afterwards.
     positions (M, F, 55, 3) f4 : metres, pelvis-relative, x left, y up, z forward.
     rotation : (M, F, 3) f4 head rotation as axis-angle in radians, or None.
     eligible : (M, F) bool, frames at which a window may start: both features and the whole window are real.
     take : (M,) int32 into `takes` (list of str). start : (M,) float64, seconds of the clip's first frame in its take.
     pose_normalization, audio_normalization : from metres and speech features to `pose` and `audio`.
     words, word_take : what was said, in seconds of the take; (W,) int32 into `takes`.
+    real : (M, F) bool, frames whose features look ahead to real frames only.
+    signals : {name: StoredSignal}, control signals of every frame.
+    speech, joints_after, speech_after, clips, moments : what `extend` needs, see `Parts`; moments of both features.
+    match_offset : 1 where a window follows the frame that resembles the pose so far, see `placed`.
     """
 
     pose: np.ndarray
@@ -59,6 +62,15 @@ class Database:
     audio_normalization: Normalization
     words: Words
     word_take: np.ndarray
+    real: np.ndarray
+    signals: dict = field(default_factory=dict)
+    speech: np.ndarray | None = None
+    joints_after: np.ndarray | None = None
+    speech_after: np.ndarray | None = None
+    clips: np.ndarray | None = None
+    moments: tuple = ()
+    match_offset: int = 0
+    kept: dict = field(default_factory=dict, repr=False, compare=False)  # by searches, for all copies of the features
 
     def __len__(self):
         return len(self.pose)
@@ -75,25 +87,41 @@ class Database:
     def gestures(self, clip, frame, name="positions"):
         """The windows that start at these frames, joined: (..., W) ints -> (..., 8 W, 55, 3) metres.
 
-        `name` may also be "rotation": (..., 8 W, 3) radians.
+        A window that leaves its clip goes on in the next one. `name` may also be "rotation": (..., 8 W, 3) radians.
         """
-        clip, frame = np.asarray(clip)[..., None], np.asarray(frame)[..., None] + np.arange(WINDOW)
-        found = getattr(self, name)[clip, frame]
-        lead = clip.ndim - 2
-        return found.reshape(*found.shape[:lead], -1, *found.shape[lead + 2 :])
+        frames = getattr(self, name).reshape(-1, *getattr(self, name).shape[2:])
+        number = np.asarray(clip) * self.clip_frames + np.asarray(frame)
+        number = np.minimum(number[..., None] + np.arange(WINDOW), len(frames) - 1)
+        return frames[number.reshape(*number.shape[:-2], -1)]
+
+    def pose_after(self, clip, frame):
+        """(..., 96) float32: the pose feature at the last frame of the windows that start at these frames."""
+        return self.pose[np.divmod(np.asarray(clip) * self.clip_frames + frame + WINDOW - 1, self.clip_frames)]
+
+    def placed(self, placement):
+        """The Database in which windows may start where `placement`, one of `PLACEMENTS`, says.
+
+        "published": inside a clip, at the frame that resembles the pose so far. "continued": at the frame after that.
+        "any_frame" and "any_frame_continued": the same, but at any frame of a clip from which the take goes on. The
+        Database itself is as "published".
+        """
+        if placement not in PLACEMENTS:
+            raise CospeechError(f"placement {placement!r} is not known; known: {', '.join(PLACEMENTS)}")
+        if placement == "published":
+            return self
+        runs_on, offset = PLACEMENTS[placement]
+        eligible = _window_starts(self.real)
+        if runs_on:
+            _, ends = stretches(self)
+            number = np.arange(self.real.size).reshape(self.real.shape)
+            eligible = self.real & (number + WINDOW <= ends[:, None])
+        eligible[:, :offset] = False
+        return replace(self, eligible=eligible, match_offset=offset)
 
     @classmethod
     def from_clips(cls, clips, starts=None, clip_frames=CLIP_FRAMES):
         """From `cospeech.clip.Clip`s of one frame rate; a take's name is its clip's. See `from_arrays`."""
-        rates = {clip.fps for clip in clips}
-        if len(rates) > 1:
-            raise CospeechError(f"database: clips of different rates, {sorted(rates)} fps; make them at one rate")
-        rotations = [clip.rotation for clip in clips]
-        return cls.from_arrays(
-            [clip.positions for clip in clips], [clip.features for clip in clips], [clip.clip for clip in clips],
-            clip_frames, rates.pop() if rates else 15.0, starts=starts, valid=[clip.valid for clip in clips],
-            rotations=None if any(r is None for r in rotations) else rotations, words=[clip.words for clip in clips],
-        )  # fmt: skip
+        return cls.from_arrays(**_arrays_of(clips), clip_frames=clip_frames, starts=starts)
 
     @classmethod
     def from_arrays(
@@ -114,32 +142,70 @@ class Database:
 
         Raises CospeechError on shapes that disagree, NaN or infinity, and when no stretch holds a usable clip.
         """
-        count = len(takes)
-        positions, features = [np.asarray(p) for p in positions], [np.asarray(f) for f in features]
-        starts = np.zeros(count) if starts is None else np.asarray(starts, float)
-        valid = [np.ones(len(p), bool) for p in positions] if valid is None else [np.asarray(v, bool) for v in valid]
-        stretches = list(zip(takes, positions, features, valid, rotations or [None] * count, strict=True))
-        for stretch in stretches:
-            _check(*stretch)
-        whole = [len(p) // clip_frames for p in positions]
-        _check_lengths(takes, [len(p) for p in positions], whole, clip_frames)
-        cut = lambda arrays: _cut(arrays, whole, clip_frames)  # noqa: E731
-        real = cut(real_ahead(v) for v in valid)
-        if not real[:, : clip_frames - WINDOW + 1].any():
+        parts = _parts(positions, features, takes, clip_frames, fps, starts, valid, rotations, words)
+        if not parts.real[:, : clip_frames - WINDOW + 1].any():
             raise CospeechError(
                 f"database: no frame has {LOOKAHEAD} valid frames after it; give longer takes or mark fewer invalid"
             )
-        pose, pose_normalization = _normalized(cut(pose_features(p) for p in positions), real)
-        audio, audio_normalization = _normalized(cut(audio_features(f) for f in features), real)
-        names = list(dict.fromkeys(takes))
-        take = np.repeat([names.index(t) for t in takes], whole).astype(np.int32)
-        start = np.concatenate([s + np.arange(n) * clip_frames / fps for s, n in zip(starts, whole, strict=True)])
-        words = words or [Words.none()] * count
-        return cls(
-            pose, audio, cut(positions), cut(rotations) if rotations else None, _window_starts(real), take, names,
-            start, float(fps), pose_normalization, audio_normalization, _join_words(words, starts),
-            np.repeat([names.index(t) for t in takes], [len(w) for w in words]).astype(np.int32),
+        return cls._assembled(parts, fps, (Moments.none(POSE_WIDTH), Moments.none(AUDIO_WIDTH)))
+
+    def extend(self, clips, starts=None):
+        """With the `Clip`s of further takes -> Database, the one that `from_clips` would make of all takes at once.
+
+        What is kept of the old takes is used as it is. CospeechError for a take that is in it already, or that comes
+        twice without `starts` to tell its stretches apart.
+        """
+        arrays = _arrays_of(clips)
+        for i, name in enumerate(arrays["takes"]):
+            if name in self.takes or (starts is None and name in arrays["takes"][:i]):
+                raise CospeechError(f"database: take {name!r} is in it already; a take can be added once")
+        if arrays.pop("fps") != self.fps:
+            raise CospeechError(f"database: made for {self.fps:g} fps, but clip {clips[0].clip!r} has {clips[0].fps:g}")
+        own = Parts(**{name: getattr(self, name) for name in Parts.__dataclass_fields__})
+        new = _parts(**arrays, clip_frames=self.clip_frames, fps=self.fps, starts=starts)
+        return self._assembled(joined_parts([own, new]), self.fps, self.moments, self.signals, len(self.clips))
+
+    @classmethod
+    def _assembled(cls, parts, fps, moments, signals=None, counted=0):
+        """From `Parts`, of which `moments` hold the first `counted` stretches and `signals` their clips."""
+        clips, frames = parts.real.shape
+        pose, audio = (np.empty((clips, frames, width), np.float32) for width in (POSE_WIDTH, AUDIO_WIDTH))
+        at = 0
+        for stretch, raw_pose, raw_audio, real in parts.features():
+            end = at + len(real)
+            pose[at:end], audio[at:end], at = raw_pose, raw_audio, end
+            if stretch >= counted:
+                moments = moments[0].add(raw_pose[real]), moments[1].add(raw_audio[real])
+        normalizations = [m.normalization() for m in moments]
+        for normalization, raw in zip(normalizations, (pose, audio), strict=True):
+            for clip in raw:
+                clip[:] = normalization(clip)
+        database = cls(
+            pose, audio, parts.positions, parts.rotation, _window_starts(parts.real), parts.take, parts.takes,
+            parts.start, float(fps), *normalizations, parts.words, parts.word_take, parts.real, speech=parts.speech,
+            joints_after=parts.joints_after, speech_after=parts.speech_after, clips=parts.clips, moments=moments,
         )  # fmt: skip
+        database._add_known_signals(signals or {})
+        return database
+
+    def _add_known_signals(self, before):
+        """All of `SIGNALS`; `before`: {name: StoredSignal} of the first clips, of which new ones are computed."""
+        for name in [name for name in before if name not in SIGNALS or SIGNALS[name].compute is None]:
+            notice(f"database: signal {name} is left out, because its function is not installed here")
+        for name, one in SIGNALS.items():
+            if one.compute is not None:
+                values = signal_values(name, one, self, before[name].values if name in before else ())
+                self.signals[name] = StoredSignal.of(one, values, covered_frames(self.eligible))
+
+    def add_signal(self, compute, unit, lower="low", upper="high"):
+        """Keep one more control signal, under the function's name: `compute(positions (T, 55, 3) metres, fps) -> (T,)`.
+
+        It is kept by `save` and understood in controls wherever the file is loaded, without the function.
+        """
+        name, one = compute.__name__, Signal.of(compute, unit, lower, upper)
+        values = signal_values(name, one, self)
+        self.signals[name] = StoredSignal.of(one, values, covered_frames(self.eligible))
+        SIGNALS[name] = one
 
     def save(self, path):
         """Write the HDF5 file whole or not at all. Large arrays lie in it plainly, ready to be memory-mapped."""
@@ -148,15 +214,22 @@ class Database:
             "units": "m", "cospeech_version": __version__,
         }  # fmt: skip
         with writing_hdf5(path, SCHEMA, **head) as file:
-            for name in LARGE:
+            file.create_group("signals")
+            for name in WIDTHS:
                 file.create_dataset(name, data=getattr(self, name), track_times=False)
-            for name in ("rotation", "eligible", "take", "start", "word_take"):
+            for name in SMALL:
                 if getattr(self, name) is not None:
                     put(file, name, getattr(self, name))
-            for name in ("pose", "audio"):
+            for name, moments in zip(("pose", "audio"), self.moments, strict=True):
                 normalization = getattr(self, f"{name}_normalization")
                 put(file, f"normalization/{name}_mean", normalization.mean)
                 put(file, f"normalization/{name}_std", normalization.std)
+                put(file, f"normalization/{name}_square", moments.square)
+                file[f"normalization/{name}_square"].attrs["count"] = moments.count
+            for name, signal in self.signals.items():
+                stored = file.create_dataset(f"signals/{name}", data=signal.values, track_times=False)
+                stored.attrs.update({key: getattr(signal, key) for key in ("unit", "lower", "upper", "about")})
+                stored.attrs["percentiles"] = [*signal.percentiles.items()]
             put(file, "words/start", self.words.start)
             put(file, "words/end", self.words.end)
             _put_strings(file, "words/text", self.words.text)
@@ -164,7 +237,7 @@ class Database:
 
     @classmethod
     def load(cls, path, fps=None):
-        """Open a database; features and positions are mapped into memory, so that this takes no time at any size.
+        """Open a database; what is large in it is mapped into memory, so that this takes no time at any size.
 
         fps : the frame rate that the caller works at; CospeechError if the database has another.
         """
@@ -174,74 +247,64 @@ class Database:
             rate = float(file.attrs.get("fps", np.nan))
             if fps is not None and rate != fps:
                 raise CospeechError(f"{path}: made for {rate:g} fps, but {fps:g} fps is asked; build it again")
-            try:
-                return cls._from_file(path, file, rate)
-            except KeyError as error:
-                raise CospeechError(f"{path}: {error.args[0]}, so it is no complete database") from error
+            if missing := [name for name in (*WIDTHS, *SMALL, *GROUPS) if name not in file and name != "rotation"]:
+                raise CospeechError(f"{path}: no complete database, {', '.join(missing)} is missing; build it again")
+            return cls._from_file(path, file, rate)
 
     @classmethod
     def _from_file(cls, path, file, fps):
-        large = {name: _mapped(path, file[name]) for name in LARGE}
-        shape = large["pose"].shape[:2]
-        for name, width in {"pose": (POSE_WIDTH,), "audio": (AUDIO_WIDTH,), "positions": (len(UPPER55), 3)}.items():
-            if large[name].shape != (*shape, *width):
-                raise CospeechError(f"{path}: {name} has shape {large[name].shape}, expected {(*shape, *width)}")
-        normalization = lambda n: Normalization(*(file[f"normalization/{n}_{s}"][()] for s in ("mean", "std")))  # noqa: E731
+        large = {name: _mapped(path, file[name]) for name in WIDTHS}
+        for name, width in WIDTHS.items():
+            expected = (*large["pose"].shape[:2], *width)
+            if large[name].shape != expected:
+                raise CospeechError(f"{path}: {name} has shape {large[name].shape}, expected {expected}")
+        small = {name: file[name][()] for name in SMALL if name != "rotation" or name in file}
+        normalization, moments = {}, []
+        for name in ("pose", "audio"):
+            mean, std, square = (file[f"normalization/{name}_{part}"] for part in ("mean", "std", "square"))
+            normalization[f"{name}_normalization"] = Normalization(mean[()], std[()])
+            moments.append(Moments(int(square.attrs["count"]), mean[()], square[()]))
         return cls(
-            **large, rotation=file["rotation"][()] if "rotation" in file else None,
-            eligible=file["eligible"][()].astype(bool), take=file["take"][()], takes=list(file["takes"].asstr()[()]),
-            start=file["start"][()], fps=fps, pose_normalization=normalization("pose"),
-            audio_normalization=normalization("audio"), word_take=file["word_take"][()],
+            **large, **normalization, **({"rotation": None} | small), fps=fps, moments=tuple(moments),
+            takes=list(file["takes"].asstr()[()]), signals={n: _stored(path, d) for n, d in file["signals"].items()},
             words=Words(file["words/start"][()], file["words/end"][()], list(file["words/text"].asstr()[()])),
         )  # fmt: skip
 
 
-def _check(take, positions, features, valid, rotation):
-    """CospeechError, naming the take, unless the arrays of one stretch agree in length and are finite."""
-    frames = len(positions)
-    arrays = {"positions": (positions, (frames, len(UPPER55), 3)), "features": (features, (frames, FEATURES))}
-    arrays["valid"] = (valid, (frames,))
-    if rotation is not None:
-        arrays["rotation"] = (rotation, (frames, 3))
-    for name, (array, shape) in arrays.items():
-        if np.shape(array) != shape:
-            raise CospeechError(f"database: take {take!r}: {name} has shape {np.shape(array)}, expected {shape}")
-        if not np.isfinite(array).all():
-            frame = int(np.argwhere(~np.isfinite(array))[0][0])
-            raise CospeechError(f"database: take {take!r}: {name} holds NaN or infinity, first in frame {frame}")
+def extend(path, clips, out=None, starts=None):
+    """Add takes to a database file; `out` is another file to write, else the same. Returns the new Database."""
+    database = Database.load(path).extend(clips, starts)
+    database.save(out or path)
+    return database
 
 
-def _check_lengths(takes, lengths, whole, clip_frames):
-    if clip_frames < WINDOW:
-        raise CospeechError(f"database: clips of {clip_frames} frames cannot hold a window of {WINDOW}")
-    short = [take for take, n in zip(takes, whole, strict=True) if not n]
-    if len(short) == len(takes):
-        longest = max(lengths, default=0)
-        raise CospeechError(
-            f"database: no training clip long enough: the longest has {longest} frames, one needs {clip_frames}"
-        )
-    if short:
-        notice(f"database: left out, shorter than one clip of {clip_frames} frames: {', '.join(sorted(set(short)))}")
+def _arrays_of(clips):
+    """Clips -> what `Database.from_arrays` takes of them."""
+    rates = {clip.fps for clip in clips}
+    if len(rates) > 1:
+        raise CospeechError(f"database: clips of different rates, {sorted(rates)} fps; make them at one rate")
+    rotations = [clip.rotation for clip in clips]
+    return {
+        "positions": [clip.positions for clip in clips], "features": [clip.features for clip in clips],
+        "takes": [clip.clip for clip in clips], "fps": rates.pop() if rates else 15.0,
+        "valid": [clip.valid for clip in clips], "words": [clip.words for clip in clips],
+        "rotations": None if any(r is None for r in rotations) else rotations,
+    }  # fmt: skip
 
 
-def _cut(arrays, whole, clip_frames):
-    """Per-stretch (T, ...) arrays -> one (M, clip_frames, ...) array; the stretches come one at a time."""
-    clips, at = None, 0
-    for array, n in zip(arrays, whole, strict=True):
-        if clips is None:
-            kind = bool if array.dtype == bool else np.float32
-            clips = np.empty((sum(whole), clip_frames, *array.shape[1:]), kind)
-        clips[at : at + n] = array[: n * clip_frames].reshape(n, clip_frames, *array.shape[1:])
-        at += n
-    return clips
-
-
-def _normalized(raw, real):
-    """(M, F, D) features, z-normalised in place by the frames whose features are real -> (features, Normalization)."""
-    normalization = Normalization.fit(raw[real])
-    for clip in raw:
-        clip[:] = normalization(clip)
-    return raw, normalization
+def _parts(positions, features, takes, clip_frames, fps, starts=None, valid=None, rotations=None, words=None):
+    """`Parts` of the stretches that `Database.from_arrays` describes, once they are checked."""
+    count = len(takes)
+    positions, features = [np.asarray(p) for p in positions], [np.asarray(f) for f in features]
+    starts = np.zeros(count) if starts is None else np.asarray(starts, float)
+    valid = [np.ones(len(p), bool) for p in positions] if valid is None else [np.asarray(v, bool) for v in valid]
+    stretches = list(zip(takes, positions, features, valid, rotations or [None] * count, strict=True))
+    for stretch in stretches:
+        check(*stretch)
+    check_lengths(takes, [len(p) for p in positions], clip_frames)
+    words = words or [Words.none()] * count
+    every = zip(stretches, starts, words, strict=True)
+    return joined_parts([parts_of(*stretch, start, said, clip_frames, fps) for stretch, start, said in every])
 
 
 def _window_starts(real):
@@ -251,9 +314,10 @@ def _window_starts(real):
     return eligible
 
 
-def _join_words(words, starts):
-    shifted = lambda name: np.concatenate([getattr(w, name) + s for w, s in zip(words, starts, strict=True)])  # noqa: E731
-    return Words(shifted("start"), shifted("end"), [text for w in words for text in w.text])
+def _stored(path, dataset):
+    percentiles = {int(p) if p == int(p) else p: value for p, value in dataset.attrs["percentiles"].tolist()}
+    about = {name: str(dataset.attrs[name]) for name in ("unit", "lower", "upper", "about")}
+    return StoredSignal(_mapped(path, dataset), **about, percentiles=percentiles)
 
 
 def _put_strings(file, name, strings):

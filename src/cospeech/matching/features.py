@@ -22,17 +22,30 @@ CONSTANT = 1e-5  # a dimension that deviates less (metres, or MFCC units) carrie
 
 def pose_features(positions):
     """(T, 55, 3) metres -> (T, 96): 8 joints x 3 axes at t, t+2, t+4, t+6. Past the end the last frame is repeated."""
-    return _ahead(positions[:, JOINTS].reshape(len(positions), -1), POSE_STEPS)
+    return look_ahead(joints_of(positions), POSE_STEPS)
 
 
 def audio_features(features):
     """(T, 28) speech features -> (T, 112): 14 values at t, t+2, ..., t+14. Past the end the last frame is repeated."""
-    return _ahead(features[:, :STATIC], AUDIO_STEPS)
+    return look_ahead(features[:, :STATIC], AUDIO_STEPS)
 
 
-def _ahead(values, steps):
+def joints_of(positions):
+    """(T, 55, 3) -> (T, 24): the searched joints."""
+    return positions[:, JOINTS].reshape(len(positions), -1)
+
+
+def look_ahead(values, steps):
+    """(T, C) -> (T, len(steps) C): each frame beside those so many frames after it, the last one repeated."""
     frames = np.minimum(np.arange(len(values))[:, None] + steps, len(values) - 1)
     return values[frames].reshape(len(values), -1)
+
+
+def ahead(frames, count):
+    """(M, F) bool -> (M, F) bool: what holds `count` frames later, beyond a clip's end in the next clip; else False."""
+    later = np.zeros_like(frames)
+    later.flat[: frames.size - count] = frames.flat[count:]
+    return later
 
 
 def real_ahead(valid):
@@ -46,20 +59,42 @@ def real_ahead(valid):
 
 
 @dataclass(frozen=True)
+class Moments:
+    """Of all rows so far: their count, mean (D,) and summed squared deviations (D,), in float64.
+
+    Rows are added stretch by stretch (Chan et al. 1979), so that adding later gives the same numbers to the last bit.
+    """
+
+    count: int
+    mean: np.ndarray
+    square: np.ndarray
+
+    @classmethod
+    def none(cls, width):
+        return cls(0, np.zeros(width), np.zeros(width))
+
+    def add(self, rows):
+        """With (n, D) further rows -> Moments."""
+        if not len(rows):
+            return self
+        rows = rows.astype(np.float64)
+        mean, count = rows.mean(axis=0), self.count + len(rows)
+        away = mean - self.mean
+        square = self.square + ((rows - mean) ** 2).sum(axis=0) + away**2 * (self.count * len(rows) / count)
+        return Moments(count, self.mean + away * (len(rows) / count), square)
+
+    def normalization(self):
+        """The `Normalization` by these rows."""
+        std = np.sqrt(self.square / self.count)
+        return Normalization(self.mean, np.where(std > CONSTANT, std, 1.0))
+
+
+@dataclass(frozen=True)
 class Normalization:
     """z-normalisation by the database: `mean`, `std` (D,) float64; a dimension without variance is only centred."""
 
     mean: np.ndarray
     std: np.ndarray
-
-    @classmethod
-    def fit(cls, rows):
-        """From (n, D) rows; sums are kept in float64 and no copy of the rows is made."""
-        blocks = range(0, len(rows), 65536)
-        mean = sum(rows[i : i + 65536].sum(axis=0, dtype=np.float64) for i in blocks) / len(rows)
-        square = sum(((rows[i : i + 65536] - mean) ** 2).sum(axis=0) for i in blocks) / len(rows)
-        std = np.sqrt(square)
-        return cls(mean, np.where(std > CONSTANT, std, 1.0))
 
     def __call__(self, features):
         """(..., D) -> (..., D) float32."""

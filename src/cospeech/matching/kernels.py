@@ -1,80 +1,30 @@
-"""Compiled kernels of the search. Only `search.py` imports this, when a job is large enough to pay for numba's start.
+"""Compiled kernels of the search: every clip's best frame. Only `search.py` imports this, when a job is large enough to
+pay for numba's start.
 
-Exact and fast: one float32 pass gives every candidate a key and a bound on that key's error; where two keys are nearer
+Exact and fast: float32 passes give every candidate a key and a bound on that key's error; where two keys are nearer
 than their bounds allow to tell, `exact_key` decides in float64. So every kernel, batch size and number of threads gives
 the same clip, frame and ranks.
-
-A key orders candidates as Algorithm 1's distances do. Pose: |x - q|^2 or, for many queries, |x|^2 - 2 x.q, which only
-lacks the query's constant. Audio (`angular`): -x.q / |x|, the cosine distance but for the query's constants.
 """
 
 import numpy as np
 from numba import njit, prange
 
+from cospeech.matching.compact import near
 from cospeech.matching.features import WINDOW
+from cospeech.matching.keys import FAST, MASKED, cosine, distance, exact_key, key_bound
+from cospeech.matching.multiply import COLUMNS, ROWS, multiply_tile
+from cospeech.matching.ranks import choose, choose_many
 
-MASKED = np.float32(1e30)  # key of a frame that may not be taken; finite, as the fast kernels assume
-ROUNDING = 2.0**-24
 BLOCK = 64  # clips that a thread takes at a time
-FAST = {"reassoc", "contract", "nsz", "nnan"}
+FEW = 3  # queries up to which one after the other is faster than together
 
 
 @njit(cache=True)
-def exact_key(x, q, angular):
-    """The deciding key of row x (D,) float32 for query q (D,) float64; D is a multiple of 4.
-
-    Squared Euclidean distance, or minus the cosine similarity times |q|: equal rows have equal keys. Four running sums,
-    because a single one would wait for itself.
-    """
-    a = b = c = d = 0.0
-    e = f = g = h = 0.0
-    for i in range(0, len(x), 4):
-        x0, x1, x2, x3 = np.float64(x[i]), np.float64(x[i + 1]), np.float64(x[i + 2]), np.float64(x[i + 3])
-        if angular:
-            a, b, c, d = a + x0 * q[i], b + x1 * q[i + 1], c + x2 * q[i + 2], d + x3 * q[i + 3]
-            e, f, g, h = e + x0 * x0, f + x1 * x1, g + x2 * x2, h + x3 * x3
-        else:
-            x0, x1, x2, x3 = x0 - q[i], x1 - q[i + 1], x2 - q[i + 2], x3 - q[i + 3]
-            a, b, c, d = a + x0 * x0, b + x1 * x1, c + x2 * x2, d + x3 * x3
-    total, square = (a + b) + (c + d), (e + f) + (g + h)
-    if not angular:
-        return total
-    return -total / np.sqrt(square) if square > 0.0 else 0.0
-
-
-@njit(cache=True, fastmath=FAST)
-def _distance(x, q):
-    """float32 pose key of row x: |x - q|^2."""
-    total = np.float32(0)
-    for i in range(len(x)):
-        total += (x[i] - q[i]) * (x[i] - q[i])
-    return total
-
-
-@njit(cache=True, fastmath=FAST)
-def _cosine(x, q):
-    """float32 audio key of row x: -x.q / |x|."""
-    dot, square = np.float32(0), np.float32(0)
-    for i in range(len(x)):
-        dot += x[i] * q[i]
-        square += x[i] * x[i]
-    return -dot / np.sqrt(square) if square > np.float32(0) else np.float32(0)
-
-
-@njit(cache=True)
-def _bound(width, square, norm, angular):
-    """Largest error of a float32 key: `width` terms added in any order, |q| = norm, |x|^2 or |x - q|^2 <= square."""
-    if angular:
-        return np.float32(2 * (width + 6) * ROUNDING * norm)
-    return np.float32((width + 6) * ROUNDING * (square + 2 * np.sqrt(square) * norm + ROUNDING * norm * norm))
-
-
-@njit(cache=True)
-def _excluded(clip, take, first, exclude):
+def _excluded(clip, take, start, exclude):
     """Range of frames of this clip, (from, to), at which a window would touch the excluded (take, from, to) frames."""
     if take[clip] != exclude[0]:
         return 0, 0
-    return exclude[1] - first[clip] - WINDOW + 1, exclude[2] - first[clip]
+    return exclude[1] - start[clip] - WINDOW + 1, exclude[2] - start[clip]
 
 
 @njit(cache=True)
@@ -101,93 +51,106 @@ def _decide(rows, keys, limit, q, angular):
 
 
 @njit(cache=True, parallel=True, fastmath=FAST)
-def scan_one(first_rows, second_rows, angular, allowed, take, start, exclude, q, q32, norm, r32, frame, keys, squares):
+def scan_one(first_rows, second_rows, shift, angular, index, allowed, take, start, exclude, q, q32, norm, r32, frame,
+             keys, squares):  # fmt: skip
     """One query: per clip the best frame by the first feature, and the keys of both features there.
 
-    first_rows (M, F, D), second_rows (M, F, E) float32; `angular`: the first is audio; q (D,) float64, q32 and r32 (E,)
-    its and the second query's float32. Fills frame (M,), -1 where no frame is allowed, keys (2, M) and squares (2, M):
-    the two keys and the squares that bound their errors.
+    first_rows (M, F, D), second_rows (M, F, E) float32; shift: the second feature is that of so many frames later;
+    `angular`: the first is audio; index: what `compact` made of first_rows, or arrays of no clips; q (D,) float64, q32
+    and r32 (E,) its and the second query's float32. Fills frame (M,), -1 where no frame is allowed, keys (2, M) and
+    squares (2, M): the two keys, and the squares that bound their errors.
     """
-    clips, length, width = first_rows.shape
+    clips, length, _ = first_rows.shape
+    centre, scale, codes, error = index
     for block in prange((clips + BLOCK - 1) // BLOCK):
-        row = np.empty(length - WINDOW + 1, np.float32)
-        for m in range(block * BLOCK, min(clips, (block + 1) * BLOCK)):
-            low, high = _excluded(m, take, start, exclude)
-            row[:] = MASKED
-            largest = np.float32(0)
-            if angular:
-                for s in range(len(row)):
-                    if allowed[m, s] and not (low <= s < high):
-                        row[s] = _cosine(first_rows[m, s], q32)
+        begin, end = block * BLOCK, min(clips, (block + 1) * BLOCK)
+        marks = np.empty((BLOCK, length), np.float32)
+        for m in range(begin, end):  # one loop after the other, so that reads from memory wait together
+            row, (low, high) = marks[m - begin], _excluded(m, take, start, exclude)
+            if len(codes):
+                near(codes[m], centre[m], scale[m], error[m], q32, allowed[m], low, high, row)
             else:
-                for s in range(len(row)):
-                    if allowed[m, s] and not (low <= s < high):
-                        row[s] = _distance(first_rows[m, s], q32)
-                        largest = max(largest, row[s])
-            best, second, chosen = _smallest_two(row)
-            frame[m], keys[0, m], keys[1, m] = -1, MASKED, MASKED
-            squares[:, m] = 0
-            if best >= MASKED:
-                continue
-            bound = _bound(width, largest, norm, angular)
-            if second - best <= 2 * bound:
-                chosen = _decide(first_rows[m], row, best + 2 * bound, q, angular)
-            frame[m], keys[0, m], squares[0, m] = chosen, best, best
-            if angular:
-                keys[1, m] = squares[1, m] = _distance(second_rows[m, chosen], r32)
-            else:
-                keys[1, m] = _cosine(second_rows[m, chosen], r32)
+                for s in range(length):
+                    row[s] = np.float32(0) if allowed[m, s] and not (low <= s < high) else MASKED
+        for m in range(begin, end):
+            frame[m], keys[0, m], squares[0, m] = _best(first_rows[m], marks[m - begin], angular, q, q32, norm)
+        for m in range(begin, end):
+            keys[1, m], squares[1, m] = MASKED, 0
+            if frame[m] >= 0 and angular:
+                keys[1, m] = squares[1, m] = distance(second_rows[m, frame[m] + shift], r32)
+            elif frame[m] >= 0:
+                keys[1, m] = cosine(second_rows[m, frame[m] + shift], r32)
+
+
+@njit(cache=True)
+def _best(rows, row, angular, q, q32, norm):
+    """The best of the marked rows of one clip: frame, key, and the square that bounds its error; -1 without any.
+
+    row (F,) : 0 where marked, else `MASKED`; keys are written into it.
+    """
+    largest = np.float32(0)
+    for s in range(len(row)):
+        if row[s] < MASKED:
+            row[s] = cosine(rows[s], q32) if angular else distance(rows[s], q32)
+            largest = max(largest, row[s])
+    best, second, chosen = _smallest_two(row)
+    if best >= MASKED:
+        return -1, MASKED, np.float32(0)
+    bound = key_bound(rows.shape[1], largest, norm, angular)
+    if second - best <= 2 * bound:
+        chosen = _decide(rows, row, best + 2 * bound, q, angular)
+    return chosen, best, best
 
 
 @njit(cache=True, parallel=True, fastmath=FAST)
-def scan_many(first_rows, second_rows, angular, allowed, take, start, exclude, q, qt, norm, r32, frame, keys, squares):
-    """`scan_one` for B queries at once: a matrix product per clip, whose rows stay in the cache until all is decided.
+def scan_many(first_rows, second_rows, shift, angular, allowed, take, start, exclude, q, panels, norm, r32, frame, keys,
+              squares):  # fmt: skip
+    """`scan_one` for B queries at once: matrix products per clip, whose rows stay in the cache until all is decided.
 
-    q (B, D) float64, qt (D, B) and r32 (B, E) float32, norm (B,), exclude (B, 3); frame (M, B), keys (2, M, B),
-    squares (2, M). np.dot inside the threads needs a single-threaded BLAS.
+    q (B, D) float64, panels (P, D, COLUMNS) float32: the queries as columns, COLUMNS at a time, the last filled up;
+    r32 (B, E) float32, norm (B,), exclude (B, 3); frame (M, B), keys (2, M, B), squares (2, M).
     """
     clips, length, width = first_rows.shape
-    queries = len(q)
+    padded = (length + ROWS - 1) // ROWS * ROWS
     for block in prange((clips + BLOCK - 1) // BLOCK):
-        rows, tile = np.empty((length, width), np.float32), np.empty((length, queries), np.float32)
-        frames, offset, scale = np.empty(length, np.int64), np.empty(length, np.float32), np.empty(length, np.float32)
-        best, second = np.empty(queries, np.float32), np.empty(queries, np.float32)
-        chosen = np.empty(queries, np.int32)
+        rows, tile = np.zeros((padded, width), np.float32), np.empty((padded, COLUMNS), np.float32)
+        frames, offset, factor = np.empty(length, np.int64), np.empty(length, np.float32), np.empty(length, np.float32)
+        best, second = np.empty(COLUMNS, np.float32), np.empty(COLUMNS, np.float32)
+        chosen = np.empty(COLUMNS, np.int32)
         for m in range(block * BLOCK, min(clips, (block + 1) * BLOCK)):
-            count, largest = _gather(first_rows[m], allowed[m], angular, rows, frames, offset, scale)
-            if not count:
-                frame[m, :], keys[0, m, :], keys[1, m, :] = -1, MASKED, MASKED
-                squares[:, m] = 0
-                continue
-            np.dot(rows[:count], qt, tile[:count])
-            _smallest_two_each(tile[:count], offset, scale, best, second, chosen)
+            count, largest = _gather(first_rows[m], allowed[m], angular, rows, frames, offset, factor)
             heaviest = np.float32(0)
-            for b in range(queries):
-                low, high = _excluded(m, take, start, exclude[b])
-                if low < high:
-                    _leave_out(tile[:count, b], frames, low, high)
-                    best[b], second[b], chosen[b] = _smallest_two(tile[:count, b])
-                if best[b] >= MASKED:
-                    frame[m, b], keys[0, m, b], keys[1, m, b] = -1, MASKED, MASKED
-                    continue
-                bound = _bound(width, largest, norm[b], angular)
-                if second[b] - best[b] <= 2 * bound:
-                    chosen[b] = _decide(rows, tile[:count, b], best[b] + 2 * bound, q[b], angular)
-                s = frames[chosen[b]]
-                frame[m, b], keys[0, m, b] = s, best[b]
-                if angular:
-                    keys[1, m, b] = _distance(second_rows[m, s], r32[b])
-                    heaviest = max(heaviest, keys[1, m, b])
-                else:
-                    keys[1, m, b] = _cosine(second_rows[m, s], r32[b])
+            for panel in range(len(panels)):
+                for i in range(0, count, ROWS):
+                    multiply_tile(rows, i, panels[panel], tile)
+                _smallest_two_each(tile[:count], offset, factor, best, second, chosen)
+                for c in range(min(COLUMNS, len(q) - panel * COLUMNS)):
+                    b = panel * COLUMNS + c
+                    low, high = _excluded(m, take, start, exclude[b])
+                    if low < high:
+                        _leave_out(tile[:count, c], frames, low, high)
+                        best[c], second[c], chosen[c] = _smallest_two(tile[:count, c])
+                    if best[c] >= MASKED:
+                        frame[m, b], keys[0, m, b], keys[1, m, b] = -1, MASKED, MASKED
+                        continue
+                    bound = key_bound(width, largest, norm[b], angular)
+                    if second[c] - best[c] <= 2 * bound:
+                        chosen[c] = _decide(rows, tile[:count, c], best[c] + 2 * bound, q[b], angular)
+                    s = frames[chosen[c]]
+                    frame[m, b], keys[0, m, b] = s, best[c]
+                    if angular:
+                        keys[1, m, b] = distance(second_rows[m, s + shift], r32[b])
+                        heaviest = max(heaviest, keys[1, m, b])
+                    else:
+                        keys[1, m, b] = cosine(second_rows[m, s + shift], r32[b])
             squares[0, m], squares[1, m] = largest, heaviest
 
 
 @njit(cache=True, fastmath=FAST)
-def _gather(source, allowed, angular, rows, frames, offset, scale):
-    """Copy the allowed rows of a clip together; key = offset + scale * x.q. Returns their number and largest |x|^2."""
+def _gather(source, allowed, angular, rows, frames, offset, factor):
+    """Copy the allowed rows of a clip together; key = offset + factor * x.q. Returns their number and largest |x|^2."""
     count, largest = 0, np.float32(0)
-    for s in range(len(source) - WINDOW + 1):
+    for s in range(len(source)):
         if not allowed[s]:
             continue
         square = np.float32(0)
@@ -198,19 +161,19 @@ def _gather(source, allowed, angular, rows, frames, offset, scale):
         largest = max(largest, square)
         if angular:
             offset[count] = 0
-            scale[count] = -1 / np.sqrt(square) if square > np.float32(0) else np.float32(0)
+            factor[count] = -1 / np.sqrt(square) if square > np.float32(0) else np.float32(0)
         else:
-            offset[count], scale[count] = square, -2
+            offset[count], factor[count] = square, -2
         count += 1
     return count, largest
 
 
 @njit(cache=True, fastmath=FAST)
-def _smallest_two_each(tile, offset, scale, best, second, chosen):
-    """Turn products (n, B) into keys in place; per column the smallest, the second smallest and the smallest's row."""
+def _smallest_two_each(tile, offset, factor, best, second, chosen):
+    """Turn products (n, C) into keys in place; per column the smallest, the second smallest and the smallest's row."""
     best[:], second[:], chosen[:] = MASKED, MASKED, 0
     for i in range(len(tile)):
-        plus, times = offset[i], scale[i]
+        plus, times = offset[i], factor[i]
         for b in range(tile.shape[1]):
             key = plus + times * tile[i, b]
             tile[i, b] = key
@@ -226,153 +189,40 @@ def _leave_out(keys, frames, low, high):
             keys[i] = MASKED
 
 
-@njit(cache=True)
-def _sort(keys, clips):
-    """Shell sort in place by (key, clip)."""
-    gap = 1
-    while gap < len(keys) // 3:
-        gap = 3 * gap + 1
-    while gap:
-        for i in range(gap, len(keys)):
-            key, clip, j = keys[i], clips[i], i
-            while j >= gap and (keys[j - gap] > key or (keys[j - gap] == key and clips[j - gap] > clip)):
-                keys[j], clips[j] = keys[j - gap], clips[j - gap]
-                j -= gap
-            keys[j], clips[j] = key, clip
-        gap //= 3
+def select(rows, index, variant, allowed, take, start, exclude, queries, k):
+    """Steps 2 to 5 of Algorithm 1 for B queries.
 
+    rows : (first (M, F, D), second (M, F, E), shift, angular), see `scan_one`. index : `Index.ask`. variant :
+    "pose_only" orders by the first feature alone. queries : (B, D), (B, E) float64. Others as in `scan_many`.
 
-@njit(cache=True)
-def _limit(keys, ranks):
-    """A key that at least `ranks` of the keys under MASKED do not exceed, and few more: from a histogram."""
-    low, high = MASKED, -MASKED
-    for key in keys:
-        if key < MASKED:
-            low, high = min(low, key), max(high, key)
-    bins = np.zeros(1024, np.int64)
-    scale = 1023 / (high - low) if high > low else 0.0
-    for key in keys:
-        if key < MASKED:
-            bins[int((key - low) * scale)] += 1
-    count = last = 0
-    while count < ranks:
-        count += bins[last]
-        last += 1
-    if last == 1024 or scale == 0.0:
-        return high
-    limit = low
-    for key in keys:
-        if key < MASKED and int((key - low) * scale) < last:
-            limit = max(limit, key)
-    return limit
-
-
-@njit(cache=True)
-def _first_ranks(keys, ranks, bound, rows, frame, q, angular):
-    """The first `ranks` clips in the exact order of (key, clip); `keys` (M,) float32 are right within `bound`."""
-    limit = _limit(keys, ranks) + 2 * bound
-    clips, near = np.empty(len(keys), np.int64), np.empty(len(keys))
-    count = 0
-    for m in range(len(keys)):
-        if keys[m] <= limit and keys[m] < MASKED:
-            clips[count], near[count] = m, keys[m]
-            count += 1
-    clips, near = clips[:count], near[:count]
-    _sort(near, clips)
-    begin = 0
-    while begin < min(ranks, count):
-        end = begin + 1
-        while end < count and near[end] - near[end - 1] <= 2 * bound:
-            end += 1
-        if end - begin > 1:
-            exact = np.empty(end - begin)
-            for i in range(begin, end):
-                exact[i - begin] = exact_key(rows[clips[i], frame[clips[i]]], q, angular)
-            _sort(exact, clips[begin:end])
-        begin = end
-    return clips[:ranks]
-
-
-@njit(cache=True)
-def choose(first_rows, second_rows, angular, frame, keys, bound, bound_r, q, r, k, single):
-    """Steps 4 and 5 of Algorithm 1 for one query: add the two ranks, take the k-th best (the last if there are fewer).
-
-    keys (2, M) right within the two bounds, q and r the two queries in float64; `single`: order by the first alone.
-    Returns (clip, rank by the first feature, rank by the second); (-1, 0, 0) without any candidate.
-
-    Only a clip that is among the first R in both orders can have a rank sum under R: the first R of each are enough as
-    soon as the k-th best sum among them is smaller than R.
+    Returns (B, 4): clip, frame of the first feature, and the ranks by the first feature and by the second; clip -1
+    without a candidate.
     """
-    clips, candidates = len(frame), 0
-    for m in range(clips):
-        candidates += frame[m] >= 0
-    if not candidates:
-        return -1, 0, 0
-    k = min(k, candidates)
-    ranks = k if single else min(candidates, int(2 * np.sqrt(2.0 * k * candidates)) + 16)
-    place = np.full(clips, -1, np.int64)
-    while True:
-        one = _first_ranks(keys[0], ranks, bound, first_rows, frame, q, angular)
-        if single:
-            return one[k - 1], k - 1, 0
-        two = _first_ranks(keys[1], ranks, bound_r, second_rows, frame, r, not angular)
-        for i in range(ranks):
-            place[one[i]] = i
-        sums, both, count = np.empty(ranks), np.empty(ranks, np.int64), 0
-        for j in range(ranks):
-            if place[two[j]] >= 0:
-                sums[count], both[count] = place[two[j]] + j, two[j]
-                count += 1
-        _sort(sums[:count], both[:count])
-        if count >= k and (sums[k - 1] < ranks or ranks == candidates):
-            clip = both[k - 1]
-            return clip, place[clip], int(sums[k - 1]) - place[clip]
-        ranks = min(candidates, 4 * ranks)
-
-
-@njit(cache=True, parallel=True)
-def choose_many(first_rows, second_rows, angular, frame, keys, squares, q, norm, r, norm_r, k, single, found):
-    """`choose` for B queries: frame (M, B), keys (2, M, B) -> found (B, 3). Columns are gathered 16 at a time."""
-    clips, queries = frame.shape
-    largest, largest_r = squares[0].max(), squares[1].max()
-    group = min(queries, 16)
-    for block in prange((queries + group - 1) // group):
-        begin, end = block * group, min(queries, block * group + group)
-        frames, both = np.empty((group, clips), frame.dtype), np.empty((group, 2, clips), np.float32)
-        for m in range(clips):
-            for b in range(begin, end):
-                frames[b - begin, m] = frame[m, b]
-                both[b - begin, 0, m], both[b - begin, 1, m] = keys[0, m, b], keys[1, m, b]
-        for b in range(begin, end):
-            bound = _bound(first_rows.shape[2], largest, norm[b], angular)
-            bound_r = _bound(second_rows.shape[2], largest_r, norm_r[b], not angular)
-            found[b] = choose(
-                first_rows, second_rows, angular, frames[b - begin], both[b - begin], bound, bound_r, q[b], r[b], k[b],
-                single,
-            )  # fmt: skip
-
-
-def select(first_rows, second_rows, angular, allowed, take, start, exclude, q, r, k, single):
-    """Steps 2 to 5 of Algorithm 1 for B queries q (B, D), r (B, E) float64.
-
-    Returns frame (B,) and (B, 3): clip, its rank by the first feature and by the second; clip -1 without a candidate.
-    """
-    clips, queries = len(first_rows), len(q)
+    clips, count, single = len(rows[0]), len(k), variant == "pose_only"
+    q, r = (np.ascontiguousarray(query, np.float64) for query in queries)
     q32, r32 = q.astype(np.float32), r.astype(np.float32)
     norm, norm_r = np.linalg.norm(q, axis=1), np.linalg.norm(r, axis=1)
-    squares, found = np.empty((2, clips), np.float32), np.zeros((queries, 3), np.int64)
-    frame, keys = np.empty((clips, queries), np.int32), np.empty((2, clips, queries), np.float32)
-    shared = first_rows, second_rows, angular, allowed, take, start
-    if queries > 1:
-        scan_many(*shared, exclude, q, np.ascontiguousarray(q32.T), norm, r32, frame, keys, squares)
-        choose_many(first_rows, second_rows, angular, frame, keys, squares, q, norm, r, norm_r, k, single, found)
-    else:
-        frame, keys = frame[:, 0], keys[:, :, 0]
-        scan_one(*shared, exclude[0], q[0], q32[0], norm[0], r32[0], frame, keys, squares)
-        bound = np.float32(_bound(first_rows.shape[2], squares[0].max(), norm[0], angular))
-        bound_r = np.float32(_bound(second_rows.shape[2], squares[1].max(), norm_r[0], not angular))
-        found[0] = choose(
-            first_rows, second_rows, angular, frame, keys, bound, bound_r, q[0], r[0], int(k[0]), single
-        )  # fmt: skip
-        return frame[found[:, 0]], found
-    return frame[found[:, 0], np.arange(queries)], found
+    squares, found = np.empty((2, clips), np.float32), np.zeros((count, 3), np.int64)
+    frame, keys = np.empty((clips, count), np.int32), np.empty((2, clips, count), np.float32)
+    first, second, angular = rows[0], rows[1], rows[3]
+    where = allowed, take, start
+    if count > FEW:
+        scan_many(*rows, *where, exclude, q, _panels(q32), norm, r32, frame, keys, squares)
+        choose_many(*rows, frame, keys, squares, q, norm, r, norm_r, k, single, found)
+        return np.column_stack([found[:, 0], frame[found[:, 0], np.arange(count)], found[:, 1:]])
+    frame, keys = frame.T.copy(), np.moveaxis(keys, 2, 0).copy()
+    for b in range(count):
+        scan_one(*rows, index, *where, exclude[b], q[b], q32[b], norm[b], r32[b], frame[b], keys[b], squares)
+        bound = key_bound(first.shape[2], squares[0].max(), norm[b], angular)
+        bound_r = key_bound(second.shape[2], squares[1].max(), norm_r[b], not angular)
+        found[b] = choose(*rows, frame[b], keys[b], bound, bound_r, q[b], r[b], k[b], single)
+    return np.column_stack([found[:, 0], frame[np.arange(count), found[:, 0]], found[:, 1:]])
+
+
+def _panels(q):
+    """(B, D) -> (P, D, COLUMNS) float32."""
+    panels = np.zeros((-(-len(q) // COLUMNS), q.shape[1], COLUMNS), np.float32)
+    for i, panel in enumerate(panels):
+        part = q[i * COLUMNS : (i + 1) * COLUMNS]
+        panel[:, : len(part)] = part.T
+    return panels

@@ -4,7 +4,9 @@ import numpy as np
 
 from cospeech.clip import FEATURES
 from cospeech.matching.features import LOOKAHEAD, WINDOW
-from cospeech.matching.search import Masks, check_options, checked, tell
+from cospeech.matching.masks import Masks
+from cospeech.matching.match import STEP, Match
+from cospeech.matching.search import check_options, checked, tell
 
 COMPILED_CLIPS = 500  # from which compiled kernels are used, as nobody knows how long the speech will be
 
@@ -12,9 +14,11 @@ COMPILED_CLIPS = 500  # from which compiled kernels are used, as nobody knows ho
 class Stream:
     """Speech features in, gestures out, as they come. A window is out once 15 frames from its first have been fed.
 
-    The latency is thus 15 frames (1 s at 15 fps), which is the look-ahead of the audio feature. `clip`, `frame` and
-    `positions` hold everything so far.
+    latency, latency_seconds : those 15 frames (1 s at 15 fps), the look-ahead of the audio feature; always the same.
+    clip, frame, positions : everything so far.
     """
+
+    latency = LOOKAHEAD + 1
 
     def __init__(self, matcher, k, mask, initial, seed, variant, exclude_take):
         check_options(np.array([k]), variant)
@@ -25,7 +29,7 @@ class Stream:
         self._step = matcher.stepper(variant, len(matcher.database) > COMPILED_CLIPS)
         self._heard = np.zeros((0, FEATURES), np.float32)  # from the first frame of the next window on
         self._fed = 0
-        self._found = np.zeros((0, 5), np.int64)
+        self._found = np.zeros(0, STEP)
 
     def feed(self, features):
         """(n, 28) further speech features, any n -> Match of the windows that are now certain (perhaps none)."""
@@ -39,9 +43,14 @@ class Stream:
         return self._advance(-(-len(self._heard) // WINDOW))
 
     @property
+    def latency_seconds(self):
+        """Seconds of speech from a window's first frame on that must be known before it is out."""
+        return self.latency / self.matcher.database.fps
+
+    @property
     def match(self):
         """Match of all windows so far."""
-        return self.matcher.collect(self._found, min(self._fed, WINDOW * len(self._found)))
+        return Match.of(self.matcher.database, self._found, min(self._fed, WINDOW * len(self._found)))
 
     clip = property(lambda self: self.match.clip)
     frame = property(lambda self: self.match.frame)
@@ -54,7 +63,7 @@ class Stream:
         for query in audio:
             found = self._step(self._masks, len(self._found), self._pose, query[None], self._k, self._excluded)
             self._found = np.concatenate([self._found, found])
-            self._pose = database.pose[found[:, 0], found[:, 1] + WINDOW - 1]
-        tell(self._found[done:, 4], done)
+            self._pose = database.pose_after(found["clip"], found["frame"])
+        tell(self._found["unmasked"][done:], done)
         self._heard = self._heard[frames:]
-        return self.matcher.collect(self._found[done:], frames)
+        return Match.of(database, self._found[done:], frames)
