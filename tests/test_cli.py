@@ -11,6 +11,7 @@ from cospeech.cli import main
 from cospeech.clip import Clip
 from cospeech.formats.bvh import read_bvh
 from cospeech.matching import Database
+from cospeech.skeleton import UPPER55, to_parent_relative
 from cospeech.speech import load_audio, write_wav
 from cospeech.split import split_clips
 from cospeech.synthesis import train_model
@@ -79,6 +80,50 @@ def test_seed_and_k_choose_other_motion(project, tmp_path):
     assert not any(np.array_equal(made["a"], made[other]) for other in ("k2", "seed", "mean"))
 
 
+@pytest.fixture
+def gestures(project, tmp_path):
+    """A file with the gesture `wave`: from two seconds of a recorded clip, its stroke at 5.0 s."""
+    clip = project / "out" / "toy" / "clips" / "take00.h5"
+    (tmp_path / "gestures.yaml").write_text(f"wave: {{clip: {clip}, stroke: 5.0, start: 4.5, end: 5.5}}\n")
+    return str(tmp_path / "gestures.yaml")
+
+
+def test_a_keywords_gesture_is_at_its_stroke_where_the_word_is_spoken(project, tmp_path, capsys, gestures):
+    """`hello` is spoken from 0.5 to 0.9 s: there, in frame 10, the stroke, frame 75 of the recorded clip."""
+    options = ["--keyword", "Hello=wave", "--gestures", gestures, "--explain"]
+    assert generate(project, tmp_path / "k.h5", *options, model="knn") == 0
+    assert "Hello=wave" in capsys.readouterr().out
+    clip, truth = Clip.read(tmp_path / "k.h5"), Clip.read(project / "out" / "toy" / "clips" / "take00.h5")
+    assert clip.trace.texts("take")[10] == "take00.h5" and clip.trace.columns["time"][10] == pytest.approx(5.0)
+    np.testing.assert_allclose(clip.positions[8:16], truth.positions[73:81], atol=1e-5)
+
+
+def test_frames_are_replaced_whatever_the_model(project, tmp_path):
+    source = project / "out" / "toy" / "clips" / "take00.h5"
+    for model in ("regression", "knn"):
+        out = tmp_path / f"{model}.h5"
+        assert generate(project, out, "--replace", f"1.0-2.0={source}@10.2", model=model) == 0
+        clip = Clip.read(out)
+        found, truth = clip.positions[15:30], Clip.read(source).positions[153:168]
+        directions = [to_parent_relative(p)[:, UPPER55.index["left_wrist"]] for p in (found, truth)]
+        assert np.degrees(np.arccos(np.clip(cosines(*directions), -1, 1))).max() < 0.1
+        assert set(clip.trace.texts("take")[15:30]) == {"take00.h5"}
+
+
+def cosines(a, b):
+    return np.sum(a * b, axis=1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
+
+
+def test_seams_change_only_how_windows_follow_each_other(project, tmp_path):
+    made = {}
+    for name, more in {"none": [], "off": ["off"], "blend": ["blend"], "inertialize": ["inertialize"]}.items():
+        assert generate(project, tmp_path / f"{name}.h5", *(["--seams", *more] if more else []), model="knn") == 0
+        made[name] = Clip.read(tmp_path / f"{name}.h5")
+    assert np.array_equal(made["none"].positions, made["off"].positions)
+    assert all(np.array_equal(c.trace.columns["time"], made["off"].trace.columns["time"]) for c in made.values())
+    assert len({clip.positions.tobytes() for clip in made.values()}) == 3
+
+
 def test_export_render_and_info(project, tmp_path, capsys):
     clip = str(project / "out" / "toy" / "clips" / "take00.h5")
     for name in ("a.bvh", "a.glb", "a.csv"):
@@ -113,6 +158,20 @@ def mistakes(project, tmp_path):
         "yaml": ({"--config": tmp_path / "bad.yaml"}, ["bad.yaml", "YAML"]),
         "k": ({"--k": "2"}, ["--k", "regression"]),
         "large k": ({"--model": "knn", "--k": "5000"}, ["5000"]),
+        "no model": ({"--model": None}, ["--model"]),
+        "unknown control": ({"--model": "knn", "--control": "left_wrst=high"}, ["left_wrst", "left_wrist_height"]),
+        "unknown level": ({"--model": "knn", "--control": "reach=far"}, ["far", "low, high"]),
+        "outside": ({"--model": "knn", "--control": "reach=low@8-9"}, ["8-9", "3.2"]),
+        "contradiction": ({"--model": "knn", "--control": "reach=low and reach=high"}, ["contradicts"]),
+        "never spoken": ({"--model": "knn", "--keyword": "huge=wave"}, ["huge", "never spoken"]),
+        "no gesture": ({"--model": "knn", "--keyword": "hello=wave"}, ["wave", "--gestures"]),
+        "no keyword": ({"--model": "knn", "--keyword": "hello"}, ["hello", "WORD=GESTURE"]),
+        "gestures alone": ({"--model": "knn", "--gestures": "g.yaml"}, ["--keyword"]),
+        "words": ({"--words": tmp_path / "absent.tsv"}, ["absent.tsv"]),
+        "network's keyword": ({"--keyword": "hello=wave"}, ["--keyword", "regression"]),
+        "network's seams": ({"--seams": "blend"}, ["--seams", "regression"]),
+        "replace": ({"--replace": "1-2=absent.h5"}, ["absent.h5"]),
+        "replace outside": ({"--replace": f"3-4={project / 'out/toy/clips/take00.h5'}"}, ["3-4", "3.20 s"]),
     }
 
 
@@ -120,7 +179,7 @@ def test_each_mistake_is_one_line_and_exit_2(project, tmp_path, capsys):
     good, wrong = mistakes(project, tmp_path)
     for what, (change, words) in wrong.items():
         capsys.readouterr()
-        arguments = [str(x) for pair in (good | change).items() for x in pair]
+        arguments = [str(x) for pair in (good | change).items() if pair[1] is not None for x in pair]
         assert main(["generate", *arguments]) == 2, what
         lines = [line for line in capsys.readouterr().err.splitlines() if ": note: " not in line]
         assert len(lines) == 1 and all(word in lines[0] for word in words), (what, lines)

@@ -16,6 +16,12 @@ FEATURES = 28
 AXES = "x left, y up, z forward"  # the character's own, right-handed as in glTF
 
 
+def put_strings(group, name, strings):
+    """Store a list of str as UTF-8."""
+    encoded = np.array([string.encode() for string in strings], dtype=object)
+    return group.create_dataset(name, data=encoded, dtype=h5py.string_dtype("utf-8"), shape=(len(encoded),))
+
+
 @dataclass
 class Words:
     """Spoken words: start, end (W,) float64 in seconds from the clip's start, ascending; text, a list of W strings."""
@@ -37,16 +43,67 @@ class Motion:
     """What a generator makes for T frames.
 
     positions (T, 55, 3) metres, pelvis-relative, x left, y up, z forward; rotation (T, 3) head rotation as axis-angle
-    in radians, or None; expression (T, E) coefficients of `face_model`, or None.
+    in radians, or None; expression (T, E) coefficients of `face_model`, or None; trace, where the frames are from.
     """
 
     positions: np.ndarray
     rotation: np.ndarray | None = None
     expression: np.ndarray | None = None
     face_model: str = ""
+    trace: "Trace | None" = None
 
     def __len__(self):
         return len(self.positions)
+
+
+@dataclass
+class Trace:
+    """Where each of T generated frames is from (group /trace of a clip; docs/control.md lists its columns).
+
+    columns : {name: (T,) numbers}; those named in `labels` are numbers of their texts, -1 for none.
+    labels : {column name: list of str}. settings : {name: number or str} that hold for all frames.
+    """
+
+    columns: dict
+    labels: dict
+    settings: dict = field(default_factory=dict)
+
+    def texts(self, name):
+        """A column of numbers as texts: list of T str, "" for none."""
+        return [self.labels[name][i] if i >= 0 else "" for i in self.columns[name]]
+
+    def section(self, start, stop):
+        """Frames start..stop."""
+        return replace(self, columns={name: column[start:stop] for name, column in self.columns.items()})
+
+    def overlaid(self, frames, **values):
+        """A Trace in which `frames` (a slice) have these numbers or texts, and -1 in all other columns."""
+        columns, labels = {name: column.copy() for name, column in self.columns.items()}, dict(self.labels)
+        for name, column in columns.items():
+            value = values.get(name, -1)
+            if isinstance(value, str):
+                labels[name] = list(dict.fromkeys([*labels[name], value]))
+                value = labels[name].index(value)
+            column[frames] = value
+        return replace(self, columns=columns, labels=labels)
+
+    def write(self, group):
+        """Into an HDF5 group: a dataset for each column, its texts in <column>_labels, settings as attributes."""
+        group.attrs.update(self.settings)
+        for name, column in self.columns.items():
+            put(group, name, column)
+        for name, texts in self.labels.items():
+            put_strings(group, f"{name}_labels", texts)
+
+    @classmethod
+    def read(cls, group):
+        """From such a group."""
+        labels = {name.removesuffix("_labels") for name in group if name.endswith("_labels")}
+        return cls(
+            {name: group[name][()] for name in group if not name.endswith("_labels")},
+            {name: list(group[f"{name}_labels"].asstr()[()]) for name in labels},
+            {k: v.item() if isinstance(v, np.generic) else v for k, v in group.attrs.items()},
+        )
 
 
 @dataclass
@@ -55,7 +112,8 @@ class Clip:
 
     positions (T, 55, 3) f4 metres, features (T, 28) f4, valid (T,) bool are always there; the rest may be None.
     `audio` is the path of the sound, relative to the clip file's folder. `generator` is "" for a real take.
-    `extra` holds further root attributes (scalars or strings), kept through write and read.
+    `extra` holds further root attributes (scalars or strings), kept through write and read. `trace` tells of a
+    generated clip's frames where they are from, or is None.
     """
 
     subject: str
@@ -78,6 +136,7 @@ class Clip:
     source_sha256: str = ""
     generator: str = ""
     extra: dict = field(default_factory=dict)
+    trace: Trace | None = None
 
     def __post_init__(self):
         if self.valid is None:
@@ -101,7 +160,7 @@ class Clip:
     @property
     def motion(self):
         """The clip's motion without its sound, as generators exchange it."""
-        return Motion(self.positions, self.rotation, self.expression, self.face_model)
+        return Motion(self.positions, self.rotation, self.expression, self.face_model, self.trace)
 
     def section(self, start, stop):
         """Frames start..stop as a clip of its own; words that lie wholly inside come along, shifted in time."""
@@ -121,7 +180,8 @@ class Clip:
         words = Words(
             self.words.start[inside] - first, self.words.end[inside] - first, [self.words.text[i] for i in inside]
         )
-        return replace(self, words=words, **cut)
+        trace = self.trace and self.trace.section(start, stop)
+        return replace(self, words=words, trace=trace, **cut)
 
     def validate(self, where=None):
         """Raise CospeechError, naming the array, unless shapes agree with T and every number is finite."""
@@ -135,10 +195,11 @@ class Clip:
             "confidence": (frames, joints), "root": (frames, 3), "expression": (frames, width), "rotation": (frames, 3),
             "face_confidence": (frames,),
         }  # fmt: skip
-        for name, shape in expected.items():
-            array = getattr(self, name)
-            if array is None:
-                continue
+        arrays = {name: getattr(self, name) for name in expected if getattr(self, name) is not None}
+        for name, column in self.trace.columns.items() if self.trace else ():
+            arrays[f"trace/{name}"], expected[f"trace/{name}"] = column, (frames,)
+        for name, array in arrays.items():
+            shape = expected[name]
             if array.shape != shape:
                 raise CospeechError(f"{where}: {name} has shape {array.shape}, expected {shape}")
             if not np.isfinite(array).all():
@@ -169,9 +230,10 @@ class Clip:
             words = file.create_group("words")
             put(words, "start", np.asarray(self.words.start, np.float64))
             put(words, "end", np.asarray(self.words.end, np.float64))
-            text = np.array([word.encode() for word in self.words.text], dtype=object)
-            words.create_dataset("text", data=text, dtype=h5py.string_dtype("utf-8"), shape=(len(text),))
+            put_strings(words, "text", self.words.text)
             put(file, "valid", self.valid.astype(bool))
+            if self.trace:
+                self.trace.write(file.create_group("trace"))
 
     def _write_face(self, file):
         arrays = {"expression": self.expression, "rotation": self.rotation, "confidence": self.face_confidence}
@@ -212,5 +274,5 @@ class Clip:
             expression=get("face/expression"), rotation=get("face/rotation"), face_confidence=get("face/confidence"),
             face_model=face.get("model", ""), words=words, audio=audio.get("path", ""),
             sample_rate=int(audio.get("sample_rate", 0)), loudness_lufs=float(audio.get("loudness_lufs", np.nan)),
-            extra=extra,
+            extra=extra, trace=Trace.read(file["trace"]) if "trace" in file else None,
         )  # fmt: skip

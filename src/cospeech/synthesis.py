@@ -13,11 +13,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError
-from cospeech.settings import settings_of
+from cospeech.gestures.models import GESTURES, gesture_task
 
-TRAINED = ("regression", "gesture_gan", "resync")  # have weights under results/<subject>/models/
+TRAINED = (*GESTURES, "resync")  # have weights under results/<subject>/models/
 MATCHED = ("knn", "resync")  # need the subject's database
-MODELS = ("regression", "gesture_gan", "knn", "resync")
+MODELS = (*GESTURES, *MATCHED)
+AUDIO_RANKS = ("plain", "learned")
 SMOOTHING = 1.5  # frames; published Gaussian on body, hands and head rotation at 15 Hz (thesis section 4.3)
 
 
@@ -64,32 +65,47 @@ def train_model(model, clips, settings, *, seed, folder, checkpoint=None, databa
 
 def _task(model, clips, settings, seed, database, starts):
     if model == "resync":
-        from cospeech.matching.resync import ResyncTask, Settings
+        from cospeech.matching.resync import ResyncTask, settings_from
 
-        return ResyncTask(clips, settings_of(Settings(), settings, model), seed, database, starts)
-    from cospeech.gestures.gesture_gan import GestureTask, Settings
-
-    defaults = replace(Settings(), adversarial=model == "gesture_gan")
-    return GestureTask(clips, settings_of(defaults, settings, model), seed)
+        return ResyncTask(clips, settings_from(settings), seed, database, starts)
+    return gesture_task(model, clips, settings, seed)
 
 
-def load_generator(model, subject_folder, threads=None):
-    """The generator `model` of the subject whose results lie in `subject_folder`, ready to `generate`."""
+def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
+    """The generator `model` of the subject whose results lie in `subject_folder`, ready to `generate`.
+
+    audio_rank : "learned" compares speech with motion by the networks of `cospeech.matching.similarity`, if `model`
+        searches.
+    """
     check_model(model)
+    if audio_rank not in AUDIO_RANKS:
+        raise CospeechError(f"audio rank {audio_rank!r} is not known; known: {', '.join(AUDIO_RANKS)}")
+    if audio_rank != "plain" and model not in MATCHED:
+        raise CospeechError(f"audio rank: {model} ranks no matches; use {' or '.join(MATCHED)}")
     subject_folder = Path(subject_folder)
     onnx = subject_folder / "models" / model / "model.onnx"
     if model not in MATCHED:
-        from cospeech.gestures.generate import GestureGenerator
+        from cospeech.gestures.generate import GestureGenerator, Sampler
 
-        return GestureGenerator(onnx, threads)
+        return (Sampler if model == "moglow" else GestureGenerator)(onnx, threads)
     from cospeech.matching import KNN, Database
 
-    knn = KNN(Database.load(subject_folder / "database.h5"))
+    database = Database.load(subject_folder / "database.h5")
+    if audio_rank == "learned":
+        from cospeech.matching.similarity import Similarity
+
+        database = Similarity.load(subject_folder / "models" / "audio_rank" / "weights.safetensors").applied(database)
+    knn = KNN(database)
     if model == "knn":
         return knn
     from cospeech.matching.refine import Resynchronizer
 
     return Resynchronizer(knn, onnx, threads)
+
+
+def usual_smoothing(model):
+    """sigma in frames of the Gaussian that a model's motion gets: the published one, none for plain k-NN."""
+    return 0.0 if model == "knn" else SMOOTHING
 
 
 def smooth(motion, sigma=SMOOTHING):
@@ -102,7 +118,7 @@ def smooth(motion, sigma=SMOOTHING):
 
 def synthesize(
     generator, samples, rate, *, subject, clip, model, fps=15.0, seed=0, words=None, smoothing=None, audio="",
-    source="", source_sha256="", **options,
+    source="", source_sha256="", replace=(), **options,
 ):  # fmt: skip
     """Speech in, a generated Clip of round(duration * fps) frames out.
 
@@ -111,7 +127,8 @@ def synthesize(
     samples (N,) float32 mono, rate : the speech.
     smoothing : sigma in frames; None is the published 1.5 for networks and none for plain k-NN, whose frames are the
         speaker's own. The value is kept in the clip's attribute `smoothing`.
-    options : passed to the generator (k, initial, mask...).
+    replace : frames to take from other clips at last, see `cospeech.matching.replace.Replacement.of`.
+    options : passed to the generator (k, initial, mask...); `words` too, when there are controls that may need them.
     """
     from cospeech.speech import integrated_loudness, speech_features
 
@@ -122,12 +139,18 @@ def synthesize(
         )
     features = speech_features(samples, rate, fps, frames)
     if smoothing is None:
-        smoothing = 0.0 if model == "knn" else SMOOTHING
+        smoothing = usual_smoothing(model)
+    if options.get("controls"):
+        options["words"] = words
     motion = smooth(generator.generate(features, seed=seed, **options), smoothing)
+    if replace:
+        from cospeech.matching.replace import replaced
+
+        motion = replaced(motion, replace, fps)
     return Clip(
         subject, clip, fps, motion.positions.astype(np.float32), features,
         rotation=motion.rotation, expression=motion.expression, face_model=motion.face_model,
         words=words or Words.none(), audio=audio, sample_rate=rate, loudness_lufs=integrated_loudness(samples, rate),
         source=source, source_sha256=source_sha256, generator=model,
-        extra={"smoothing": float(smoothing), "seed": seed},
+        extra={"smoothing": float(smoothing), "seed": seed}, trace=motion.trace,
     )  # fmt: skip

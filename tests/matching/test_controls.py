@@ -12,9 +12,11 @@ from cospeech.clip import Clip
 from cospeech.demo import read_take, write_take
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.matching import KNN, Database
-from cospeech.matching.controls import Control, Wanted, explain
+from cospeech.matching.controls import Control, Wanted
 from cospeech.matching.refine import Resynchronizer
 from cospeech.matching.signals import SIGNALS, ControlSignals, signal
+from cospeech.matching.tables import explain
+from cospeech.matching.trace import trace_of
 from cospeech.speech import write_wav
 from cospeech.split import split_clips
 from tests.matching.reference import algorithm1
@@ -97,6 +99,35 @@ def test_strict_tests_every_frame_of_a_window(database):
     assert found(match) == truth(knn, features, database.eligible & fits)
     loose = knn.match(features, controls=["left_wrist_height=low"], initial="mean")
     assert (loose.candidates >= match.candidates).all() and found(loose) != found(match)
+
+
+def test_strict_tests_the_step_into_a_window_as_it_is_made(database):
+    """Speed at every frame, seams included, keeps the bound, or that to which the step is told to be widened."""
+    knn, features = KNN(database), np.random.default_rng(0).normal(size=(157, 28))
+    speed = np.linalg.norm(np.diff(database.positions[:, :, LEFT], axis=1), axis=-1) * FPS
+    bound = float(np.percentile(speed, 60))
+    with pytest.warns(CospeechNotice, match="no gesture goes on so from the frame before"):
+        match = knn.match(features, controls=[f"strict left_wrist_speed=<{bound:.4f}"])
+    made = np.linalg.norm(np.diff(match.positions[:, LEFT], axis=0), axis=-1) * FPS
+    at = np.arange(1, 157)
+    assert (made[at % 8 > 0] <= bound + 1e-4).all()
+    limits = {"": bound, "step not tested": np.inf}
+    limits |= {f"step percentile {p}": knn.signals.percentile("left_wrist_speed", 100 - p) for p in (75, 60, 45, 30)}
+    assert set(match.widened) <= set(limits)
+    for w in range(1, 20):
+        assert made[8 * w - 1] <= max(bound, limits[match.widened[w]]) + 1e-4
+    free = knn.match(features, controls=[f"left_wrist_speed=<{bound:.4f}"])
+    unbound = np.linalg.norm(np.diff(free.positions[:, LEFT], axis=0), axis=-1) * FPS
+    assert made[7::8].mean() < 0.75 * unbound[7::8].mean()
+
+
+@pytest.mark.parametrize("placement", ["continued", "any_frame", "any_frame_continued"])
+def test_a_control_that_every_frame_keeps_changes_nothing_wherever_windows_may_start(database, placement):
+    knn, features = KNN(database), np.random.default_rng(0).normal(size=(157, 28))
+    free = knn.match(features, placement=placement)
+    match = knn.match(features, placement=placement, controls=["reach=>=0@0-5", "hand_distance=>=0@2-"])
+    assert found(match) == found(free)
+    assert np.array_equal(match.positions, free.positions)
 
 
 def test_no_control_and_controls_elsewhere_change_nothing(database):
@@ -203,7 +234,7 @@ def test_without_candidates_a_control_is_widened_in_named_steps_and_says_so(data
     with pytest.warns(CospeechNotice, match="no gesture of the database fits; set aside in 8 windows"):
         match = knn.match(features, controls=["left_wrist_height=high", "depth=high"], initial="mean")
     assert match.unmasked.all() and set(match.widened) == {"off"} and found(match) == truth(knn, features)
-    assert "left_wrist_height=high, depth=high (off)" in explain(match)
+    assert "left_wrist_height=high, depth=high (off)" in explain(trace_of(match), FPS)
 
 
 MISTAKES = {
@@ -259,7 +290,7 @@ def test_a_control_of_a_configuration(database):
 def test_the_configuration_knows_every_signal_and_level(request):
     schema = yaml.safe_load((request.config.rootpath / "workflow/schemas/config.schema.yaml").read_text())
     entries = schema["properties"]["synthesis"]
-    control = entries["items"]["properties"]["controls"]["items"]["properties"]
+    control = entries["items"]["properties"]["controls"]["items"]["else"]["properties"]
     assert control["signal"]["enum"] == list(SIGNALS)
     assert set(control["level"]["else"]["enum"]) == {level for s in SIGNALS.values() for level in s.levels}
     good = {"signal": "reach", "level": "high"}
@@ -269,7 +300,15 @@ def test_the_configuration_knows_every_signal_and_level(request):
         return Draft202012Validator(entries).is_valid([entry])
 
     assert accepts(good) and accepts(good | {"level": ">0.2", "start": 2, "end": 5.5, "strict": True}, "resync")
-    assert not accepts(good, "regression") and not accepts({"keyword": "huge", "gesture": "wide"})
+    word = {"keyword": "huge", "gesture": "wide"}
+    assert accepts(word) and not accepts(word | {"signal": "reach"}) and not accepts({"keyword": "huge"})
+    assert not accepts(good, "regression") and not accepts(word, "regression")
+    entry = {"name": "a", "subject": "b", "audio": "c.wav", "model": "knn", "seams": "blend", "words": "w.tsv"}
+    entry |= {"replace": [{"start": 1, "end": 2.5, "clip": "d.h5", "at": 3.0}], "gestures": "g.yaml", "recognize": True}
+    entries_of = Draft202012Validator(entries)
+    assert entries_of.is_valid([entry]) and entries_of.is_valid([entry | {"seams": False}])  # YAML's bare `off`
+    assert not entries_of.is_valid([entry | {"seams": "smooth"}])
+    assert not entries_of.is_valid([entry | {"replace": [{"start": 1, "clip": "d.h5"}]}])
     assert not accepts(good | {"level": "hgh"}) and not accepts(good | {"start": -1}) and not accepts({"level": "high"})
 
 
@@ -344,9 +383,9 @@ def generate(project, *more, model="knn"):
 def test_command_line_controls_and_explains(project, database, capsys):
     assert generate(project, "--control", "left_wrist_height=high@2-4", "--control", "reach=>0", "--explain") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 1 + 1 + 8 and "clips left" in lines[1]
-    assert lines[2].endswith("reach=>0") and lines[8].endswith("left_wrist_height=high@2-4, reach=>0")
-    seconds, take, time = lines[8].split()[:3]
+    assert len(lines) == 1 + 2 + 8 and "audio rank" in lines[2] and lines[1] == "seams off, k 1, seed 0"
+    assert lines[3].endswith("reach=>0") and lines[9].endswith("left_wrist_height=high@2-4, reach=>0")
+    seconds, take, time = lines[9].split()[:3]
     height, high = left_height(database, 85)
     clip = np.flatnonzero((database.take == database.takes.index(take)) & (database.start <= float(time) + 0.01))[-1]
     frame = round((float(time) - database.start[clip]) * FPS)
@@ -355,11 +394,17 @@ def test_command_line_controls_and_explains(project, database, capsys):
 
 
 def test_command_line_lists_controls_without_any_other_option(capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main(["generate", "--list-controls"])
-    assert stopped.value.code == 0
+    assert main(["generate", "--list-controls"]) == 0
     out = capsys.readouterr().out
     assert all(name in out and s.lower in out and s.upper in out for name, s in SIGNALS.items())
+
+
+def test_command_line_lists_the_thresholds_of_a_subject(project, database, capsys):
+    config = ["--config", str(project / "config.yaml")]
+    assert main(["generate", "--list-controls", "--subject", "toy", *config]) == 0
+    line = next(row for row in capsys.readouterr().out.splitlines() if row.startswith("left_wrist_height"))
+    low, high = (left_height(database, percentile)[1] for percentile in (15, 85))
+    assert f"low <= {low:.3f}, high >= {high:.3f}" in line
 
 
 def test_command_line_mistakes(project, capsys):

@@ -14,80 +14,111 @@ def add(commands):
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )  # fmt: skip
     option = generate.add_argument
-    option("--subject", required=True, metavar="NAME", help="whose gestures: a subject that the workflow has trained")
-    option("--model", required=True, metavar="MODEL", help="regression, gesture_gan, knn or resync")
-    option("--audio", required=True, metavar="FILE", help="speech: any sound file, or a film with sound")
-    option("--out", required=True, metavar="FILE", help="file to write: .bvh .glb .csv .h5 or .mp4")
+    option("--subject", metavar="NAME", help="whose gestures: a subject that the workflow has trained")
+    option("--model", metavar="MODEL", help="regression, gesture_gan, velocity_gan, lstm, moglow, knn, resync")
+    option("--audio", metavar="FILE", help="speech: any sound file, or a film with sound")
+    option("--out", metavar="FILE", help="file to write: .bvh .glb .csv .h5 or .mp4")
     option("--config", metavar="FILE", help="configuration that names results_dir and fps")
     option("--seed", type=int, default=0, help="start of all random choices")
     option("--k", type=int, help="knn, resync: take the k-th best match (default: 1, the best)")
     option(
         "--initial", choices=["mean", "random"], help="knn, resync: the pose before the first frame (default: random)"
     )
+    option("--placement", choices=["published", "continued", "any_frame", "any_frame_continued"], help="knn, resync: "
+        "where in the database a window may start (default: published; docs/matching.md)")  # fmt: skip
     option("--control", action="append", metavar="CONTROL", help="knn, resync: how the hands shall move, and when: "
         "'left_wrist_height=high@2.0-5.5', 'strict symmetry=<0.05', 'left_wrist_speed=fast and not reach=low@3-6'; "
         "several hold together")  # fmt: skip
-    option("--list-controls", action=_ListControls, help="list what can be controlled, and exit")
+    option("--keyword", action="append", metavar="WORD=GESTURE", help="knn, resync: where WORD is spoken, the gesture "
+        "of that tag, as in huge=wide: an entry of --gestures, or else a word of the training takes")  # fmt: skip
+    option("--gestures", metavar="FILE", help="knn, resync: YAML file of gestures for --keyword (docs/control.md)")
+    option("--words", metavar="FILE", help="word times of the speech (default: the .tsv, .TextGrid... beside it)")
+    option("--recognize", action="store_true", help="recognise the words of the speech where no file tells them")
+    option("--seams", choices=["off", "blend", "inertialize"], help="knn, resync: what happens where one window of 8 "
+        "frames follows another (default: off, as published)")  # fmt: skip
+    option("--audio-rank", choices=["plain", "learned"], default="plain", help="knn, resync: rank matches by how alike "
+        "the speech sounds, or by what fits the motion (after `snakemake audio_ranks`)")  # fmt: skip
+    option("--replace", action="append", default=[], metavar="FRAMES", help="take frames from a clip file at last: "
+        "'3.0-4.5=other.h5@10.2', these seconds from its second 10.2 on; without @ where it joins best")  # fmt: skip
+    option("--list-controls", action="store_true", help="list what can be controlled, with the thresholds of --subject "
+        "if given, and exit")  # fmt: skip
     option("--explain", action="store_true", help="knn, resync: tell where every window of 8 frames is from, and why")
     option("--smoothing", type=float, metavar="FRAMES", help="sigma of the Gaussian over time (default: as published)")
     option("--threads", type=int, help="CPU threads for the networks (default: all)")
-    generate.set_defaults(run=_generate)
+    generate.set_defaults(run=_run)
 
 
-class _ListControls(argparse.Action):
-    """Prints the control signals and exits, whatever else is asked, as --help does."""
+def _run(options):
+    if options.list_controls:
+        _list_controls(options)
+    else:
+        _generate(options)
 
-    def __init__(self, option_strings, dest, help):
-        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, default=argparse.SUPPRESS, help=help)
 
-    def __call__(self, parser, *_):
-        from cospeech.matching.controls import listing
+def _list_controls(options):
+    from cospeech.matching.tables import listing
 
-        print(listing())
-        parser.exit()
+    signals = None
+    if options.subject:
+        from cospeech.matching import Database
+        from cospeech.matching.signals import ControlSignals
+
+        folder, _ = _results(options)
+        signals = ControlSignals(Database.load(folder / "database.h5"))
+    print(listing(signals))
+
+
+def _results(options):
+    """The subject's folder, and the frame rate of its motion."""
+    config = configuration(options.config)
+    folder = subject_folder(Path(config.get("results_dir", "results")), options.subject)
+    return folder, float(config.get("fps", 15))
 
 
 def _generate(options):
     """Generate motion for a speech with a trained model, and write it in the format that the suffix of --out names."""
     from cospeech.files import sha256
-    from cospeech.speech import find_words, load_audio
+    from cospeech.speech import load_audio, words_of_speech
     from cospeech.synthesis import check_model, load_generator, synthesize
 
+    for name in ("subject", "model", "audio", "out"):
+        if getattr(options, name) is None:
+            raise CospeechError(f"--{name} is missing; `cospeech generate --help` tells what it is")
     check_model(options.model)
     chosen = _search_options(options)
     _check_suffix(options.out)
-    config = configuration(options.config)
-    folder = subject_folder(Path(config.get("results_dir", "results")), options.subject)
+    folder, fps = _results(options)
     samples, rate = load_audio(options.audio)
-    generator = load_generator(options.model, folder, options.threads)
-    matches = []
-    if options.explain:
-        chosen["report"] = matches.append
+    words = words_of_speech(options.audio, samples, rate, options.words, options.recognize)
+    generator = load_generator(options.model, folder, options.threads, options.audio_rank)
     clip = synthesize(
-        generator, samples, rate, subject=options.subject, clip=Path(options.audio).stem, model=options.model,
-        fps=float(config.get("fps", 15)), seed=options.seed, words=find_words(options.audio),
-        smoothing=options.smoothing, audio=str(Path(options.audio).resolve()), source=Path(options.audio).name,
-        source_sha256=sha256(options.audio), **chosen,
+        generator, samples, rate, subject=options.subject, clip=Path(options.audio).stem, model=options.model, fps=fps,
+        seed=options.seed, words=words, smoothing=options.smoothing, audio=str(Path(options.audio).resolve()),
+        source=Path(options.audio).name, source_sha256=sha256(options.audio), replace=options.replace, **chosen,
     )  # fmt: skip
     _write(clip, options.out, samples, rate)
     print(f"{options.out}: {clip.frames} frames, {clip.duration:.2f} s at {clip.fps:g} fps")
-    for match in matches:
-        from cospeech.matching.controls import explain
+    if options.explain:
+        from cospeech.matching.tables import explain
 
-        print(explain(match))
+        print(explain(clip.trace, clip.fps))
 
 
 def _search_options(options):
     """What is asked of the k-NN search, for the generators that have one."""
-    asked = {name: getattr(options, name) for name in ("k", "initial", "control")}
-    asked = {name: value for name, value in asked.items() if value is not None}
+    names = ("k", "initial", "placement", "control", "keyword", "gestures", "seams")
+    asked = {name: value for name in names if (value := getattr(options, name)) is not None}
     named = [*asked, *(["explain"] if options.explain else [])]
     if named and options.model not in ("knn", "resync"):
         raise CospeechError(f"--{named[0]} is about matches, which {options.model} has none of; use knn or resync")
-    if "control" in asked:
+    if "gestures" in asked and "keyword" not in asked:
+        raise CospeechError("--gestures has gestures for --keyword; name one, as in --keyword huge=wide")
+    controls, keywords = asked.pop("control", []), asked.pop("keyword", [])
+    if controls or keywords:
         from cospeech.matching.controls import Control
+        from cospeech.matching.keywords import Keyword
 
-        asked["controls"] = [Control.parse(text) for text in asked.pop("control")]
+        asked["controls"] = [*map(Control.parse, controls), *map(Keyword.parse, keywords)]
     return asked
 
 

@@ -6,19 +6,15 @@ tested on signals of the database's own frames, and only windows that pass are s
 
 import re
 from dataclasses import dataclass, replace
-from functools import cache, reduce
-from itertools import combinations, groupby
+from functools import reduce
 
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
-from cospeech.matching.features import WINDOW
-from cospeech.matching.search import COMPILED_WORK, Match, Matcher, checked
+from cospeech.matching.features import WINDOW, ahead
 from cospeech.matching.signals import SIGNALS
 
 OUTER = 85  # percentile of the upper levels; the lower ones have 100 - 85 = 15 (thesis Table 5.3)
-WIDENED = (75, 60)  # what a bound gives way to, in turn, when no window of the database is left; then it is set aside
-OFF = "off"
 NUMBER = r"(?:\d+\.?\d*|\.\d+)"
 
 
@@ -82,15 +78,12 @@ class Wanted:
 
     def frames(self, signals, widened=None):
         """(M, F) bool: the frames that fit one of the alternatives."""
-        return reduce(np.logical_or, (_all(bound.frames(signals, widened) for bound in a) for a in self.alternatives))
+        kept = (reduce(np.logical_and, (bound.frames(signals, widened) for bound in a)) for a in self.alternatives)
+        return reduce(np.logical_or, kept)
 
     def impossible(self, signals):
         """Whether the bounds alone rule out every frame, whatever the database holds."""
         return all(_contradictory(bounds, signals) for bounds in self.alternatives)
-
-
-def _all(masks):
-    return reduce(np.logical_and, masks)
 
 
 def _contradictory(bounds, signals):
@@ -164,12 +157,10 @@ class Control:
         return inside
 
     def starts(self, signals, widened=None):
-        """(M, F) bool: where a window may start (windows that leave their clip are never eligible)."""
+        """(M, F) bool: where a window may start; one that leaves its clip goes on in the next."""
         frames = self.wanted.frames(signals, widened)
-        starts = frames.copy()
-        for ahead in range(1, WINDOW) if self.strict else (WINDOW - 1,):
-            starts[:, :-ahead] &= frames[:, ahead:]
-        return starts
+        tested = range(1, WINDOW) if self.strict else (WINDOW - 1,)
+        return reduce(np.logical_and, (ahead(frames, count) for count in tested), frames)
 
 
 class _Terms:
@@ -215,123 +206,3 @@ class _Terms:
 
     def refuse(self, found):
         raise CospeechError(f"control {self.text!r}: SIGNAL=LEVEL is expected, or and, or, not, ( and ), not {found!r}")
-
-
-@dataclass(frozen=True)
-class ControlledMatch(Match):
-    """A `Match` under controls; `unmasked` tells where they were set aside.
-
-    controls (W,) : tuples of the texts that each window follows. candidates (W,) : clips with a window that fits.
-    widened (W,) : "" as asked, "percentile 75", "percentile 60" or "off", what it took to find any.
-    """
-
-    controls: np.ndarray
-    candidates: np.ndarray
-    widened: np.ndarray
-
-
-def search(matcher, signals, features, controls, *, k=1, initial="mean", seed=0, variant="pose", exclude_take=None):
-    """`Matcher.search` under controls: -> ControlledMatch.
-
-    controls : list of `Control`, text or mapping (see `Control.of`); in each window all that hold there, together.
-    Other parameters as in `Matcher.search`. Only one (M, F) mask per different set of controls is kept, however long
-    the speech: stretches of windows that follow the same controls are searched in turn, each in a database in which
-    only the allowed windows are eligible, and each from the pose that the one before ended with.
-    """
-    controls, features = [Control.of(control) for control in controls], checked(features)
-    database, total = matcher.database, len(features)
-    first = np.arange(0, total, WINDOW)
-    for control in controls:
-        control.check_times(total, database.fps)
-    middles = (first + np.minimum(first + WINDOW, total)) / 2 / database.fps
-    held = [tuple(column) for column in np.array([c.windows(middles) for c in controls], bool).T]
-    excluded = _excluded(database, matcher.span(exclude_take))
-    allowed = cache(lambda hold: _allowed(signals, [c for c, h in zip(controls, hold, strict=True) if h], excluded))
-    compiled = len(database) * len(held) > COMPILED_WORK if matcher.compiled is None else matcher.compiled
-    parts, windows = [], 0
-    for hold, run in groupby(held):
-        at, windows = windows, windows + len(list(run))
-        narrowed = Matcher(replace(database, eligible=allowed(hold)[0]), compiled)
-        frames = min(windows * WINDOW, total) - at * WINDOW
-        parts.append(narrowed.search(features[at * WINDOW :], k, None, initial, seed, variant, exclude_take, frames))
-        initial = database.pose[parts[-1].clip[-1], parts[-1].frame[-1] + WINDOW - 1]
-    return _joined(database, parts, total, controls, held, allowed)
-
-
-def _allowed(signals, controls, excluded):
-    """Windows that fit all controls, widened as far as it takes.
-
-    Returns (M, F) bool; the number of clips that they leave, without the `excluded` (M, F); and the step's name.
-    """
-    _check_contradictions(signals, controls)
-    eligible = signals.database.eligible
-    for widened in (None, *WIDENED):
-        starts = _all([eligible, *(control.starts(signals, widened) for control in controls)])
-        if clips := _clips(starts & ~excluded):
-            return starts, clips, f"percentile {widened}" if widened else ""
-    return eligible, _clips(eligible & ~excluded), OFF
-
-
-def _clips(starts):
-    return int(starts.any(axis=1).sum())
-
-
-def _check_contradictions(signals, controls):
-    """CospeechError that names the fewest controls whose bounds rule each other out, in any database."""
-    impossible = lambda group: reduce(Wanted.__and__, (control.wanted for control in group)).impossible(signals)  # noqa: E731
-    if not controls or not impossible(controls):
-        return
-    group = next(g for n in range(1, len(controls) + 1) for g in combinations(controls, n) if impossible(g))
-    texts = " and ".join(repr(control.text) for control in group)
-    how = "contradict each other; give them separate intervals" if len(group) > 1 else "contradicts itself"
-    raise CospeechError(f"control {texts}: {how}")
-
-
-def _excluded(database, span):
-    take, begin, end = span
-    at = np.rint(database.start * database.fps)[:, None] + np.arange(database.clip_frames)
-    return (database.take[:, None] == take) & (at < end) & (at + WINDOW > begin)
-
-
-def _joined(database, parts, frames, controls, held, allowed):
-    """The stretches' matches as one, with a notice for every set of controls that was widened."""
-    joined = [np.concatenate([getattr(p, n) for p in parts]) for n in ("clip", "frame", "pose_rank", "audio_rank")]
-    texts = {hold: tuple(c.text for c, h in zip(controls, hold, strict=True) if h) for hold in set(held)}
-    for hold in dict.fromkeys(held):
-        if step := allowed(hold)[2]:
-            windows = np.flatnonzero([h == hold for h in held])
-            done = "set aside" if step == OFF else f"widened to {step}"
-            where = f"{len(windows)} windows from {windows[0] * WINDOW / database.fps:.2f} s"
-            notice(f"control {', '.join(texts[hold])}: no gesture of the database fits; {done} in {where}")
-    listed = np.empty(len(held), object)
-    listed[:] = [texts[hold] for hold in held]
-    candidates = np.array([allowed(hold)[1] for hold in held])
-    widened = np.array([allowed(hold)[2] for hold in held], object)
-    return ControlledMatch(database, *joined, widened == OFF, frames, listed, candidates, widened)
-
-
-def explain(match):
-    """A table, one line per window of a `Match`: source, ranks, candidates that the controls left, and the controls."""
-    everything = _clips(match.database.eligible)
-    rows = [("seconds", "source", "pose rank", "audio rank", "clips left", "control")]
-    for w, (take, time) in enumerate(zip(match.take, match.time, strict=True)):
-        left, control = everything, ""
-        if isinstance(match, ControlledMatch):
-            left, step = match.candidates[w], match.widened[w]
-            control = ", ".join(match.controls[w]) + (f" ({step})" if step else "")
-        ranks = match.pose_rank[w], match.audio_rank[w]
-        at = w * WINDOW / match.database.fps
-        rows.append((f"{at:.2f}", f"{take} {time:.2f} s", *map(str, ranks), f"{left} of {everything}", control))
-    return _table(rows)
-
-
-def listing():
-    """A table of all signals with their levels, units and what they measure."""
-    rows = [("signal", "levels", "unit", "")]
-    rows += [(name, f"{s.lower}, {s.upper}", s.unit, s.about) for name, s in SIGNALS.items()]
-    return _table(rows)
-
-
-def _table(rows):
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)

@@ -1,20 +1,17 @@
-"""The k-NN generator of thesis chapter 5, and its motions as the resynchroniser's training input."""
-
-import numpy as np
+"""The k-NN generator of thesis chapter 5."""
 
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
-from cospeech.matching import controls as controlled
+from cospeech.matching.controlled import search
+from cospeech.matching.keywords import Gestures, read_gestures
+from cospeech.matching.seams import check_seams, smoothed
 from cospeech.matching.search import Matcher
 from cospeech.matching.signals import ControlSignals
-
-BEST_SHARE = 0.5  # of the training fakes that take the best candidate
-OTHER_RANKS = (2, 15)  # the rest take one k for all their windows, uniform in this closed range
-CHUNK = 4096  # sequences searched before their motions are gathered
+from cospeech.matching.trace import trace_of
 
 
 class KNN:
-    """`knn`: Algorithm 1 as a generator, frames of the database unchanged."""
+    """`knn`: Algorithm 1 as a generator, frames of the database unchanged unless `seams` are smoothed."""
 
     def __init__(self, database):
         self.matcher = Matcher(database)
@@ -22,74 +19,41 @@ class KNN:
 
     def match(
         self, features, *, seed=0, k=1, initial="random", mask=None, exclude_take=None, variant="pose", controls=(),
+        words=None, gestures=None, placement="published",
     ):  # fmt: skip
         """(T, 28) speech features -> `Match`: clip, frame, take and time of every window. Options: `Matcher.search`.
 
         It starts from the pose of a random frame, as all published runs do. With `controls` (see
-        `cospeech.matching.controls.search`) it is a `ControlledMatch`.
+        `cospeech.matching.controlled.search`) it is a `ControlledMatch`; those that name a keyword need the `Words` of
+        the speech, and may use `gestures`, a file of the user's own (see `read_gestures`).
         """
-        if k > len(self.matcher.database.pose):
-            raise CospeechError(
-                f"k is {k}, but the database has {len(self.matcher.database.pose)} clips to choose from"
-            )
+        database = self.matcher.database
+        if k > len(database.pose):
+            raise CospeechError(f"k is {k}, but the database has {len(database.pose)} clips to choose from")
+        options = {"k": k, "initial": initial, "seed": seed, "variant": variant, "exclude_take": exclude_take}
+        matcher = self.matcher if placement == "published" else self.matcher.placed(placement)
         if not controls:
-            return self.matcher.search(features, k, mask, initial, seed, variant, exclude_take)
+            return matcher.search(features, mask=mask, **options)
         if mask is not None:
             raise CospeechError("give either a mask or controls, not both")
-        options = {"k": k, "initial": initial, "seed": seed, "variant": variant, "exclude_take": exclude_take}
-        return controlled.search(self.matcher, self.signals, features, controls, **options)
+        called = Gestures(database, read_gestures(gestures, database) if gestures else None)
+        return search(matcher, self.signals, features, controls, called, words, **options)
 
-    def generate(self, features, *, seed=0, report=None, **options):
-        """(T, 28) speech features -> Motion of T frames, with head rotations if the database has them.
+    def generate(self, features, *, seed=0, report=None, seams="off", **options):
+        """(T, 28) speech features -> Motion of T frames, with head rotations if the database has them, and its Trace.
 
-        `report` is called with the `Match`, for callers that want to know where the motion is from.
+        `seams` : what happens where one window follows another, see `cospeech.matching.seams.smoothed`; "off" is
+        Algorithm 1. `report` is called with the `Match`, for callers that want to know where the motion is from.
         """
+        seams = seams or "off"  # YAML reads a bare off as false
+        check_seams(seams)
         match = self.match(features, seed=seed, **options)
         if report:
             report(match)
-        return motion_of(match)
+        return motion_of(match, seams, k=options.get("k", 1), seed=seed)
 
 
-def motion_of(match):
+def motion_of(match, seams="off", **settings):
     """The Motion of a `Match`, for callers that keep both the motion and where it is from."""
-    return Motion(match.positions, match.rotation)
-
-
-def fake_pairs(database, features, takes, starts=None, *, seed=0, variant="pose"):
-    """k-NN motions for the training part's own speech, the resynchroniser's input (thesis 5.3.3).
-
-    Each sequence starts at a random pose; half of them take the best candidate, the others one k of 2..15. Nothing is
-    taken from the sequence's own take or, if the database has no other, from the sequence's own stretch of it.
-
-    Parameters
-    ----------
-    features : (n, T, 28) speech features of n sequences.
-    takes : n take names. starts : (n,) seconds of the sequences' first frames in their takes; needed for one take only.
-
-    Returns (n, T, 55, 3) float32 metres.
-    """
-    rng = np.random.default_rng(seed)
-    count, frames = features.shape[:2]
-    ranks = rng.integers(OTHER_RANKS[0], OTHER_RANKS[1] + 1, size=count)
-    ranks[rng.random(count) < BEST_SHARE] = 1
-    seeds = rng.integers(2**63, size=count)
-    excluded = _exclusions(database, takes, starts, frames / database.fps)
-    matcher = Matcher(database)
-    motion = np.empty((count, frames, *database.positions.shape[2:]), np.float32)
-    for i in range(0, count, CHUNK):
-        part = slice(i, i + CHUNK)
-        options = {"initial": "random", "seed": seeds[part], "variant": variant, "exclude_take": excluded[part]}
-        matches = matcher.search_batch(features[part], ranks[part], **options)
-        for j, match in enumerate(matches, start=i):
-            motion[j] = match.positions
-    return motion
-
-
-def _exclusions(database, takes, starts, seconds):
-    if len(database.takes) > 1:
-        return [str(take) for take in takes]
-    if starts is None:
-        raise CospeechError(
-            f"database: its only take is {database.takes[0]!r}; give the sequences' starts to leave them out"
-        )
-    return [(str(take), start, start + seconds) for take, start in zip(takes, starts, strict=True)]
+    positions, rotation = smoothed(match, seams)
+    return Motion(positions, rotation, trace=trace_of(match, seams=seams, **settings))

@@ -1,8 +1,10 @@
 """Chapter 5, stage 2: the conditional GAN that resynchronises a k-NN motion with its speech (thesis section 5.3.3).
 
 A WGAN-GP: the generator turns (speech, k-NN motion) into a motion that the critic cannot tell from the speaker's own.
+Two recipes by name, the thesis's text and the released code; `docs/resync.md` tells where they differ.
 """
 
+from copy import deepcopy
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -10,22 +12,37 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.matching.knn import fake_pairs
-from cospeech.skeleton import bone_lengths, to_parent_relative
+from cospeech.errors import CospeechError, notice
+from cospeech.matching.conditions import Conditions, check_conditions
+from cospeech.matching.pairs import moments, training_pairs
+from cospeech.settings import settings_of
+from cospeech.skeleton import bone_lengths
 from cospeech.training import autocast, descend, device
 from cospeech.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
-from cospeech.windows import Windows
 
 MOTION_CHANNELS = 165
-LAYERS = {"paper": {"activation": "relu", "pool": "max"}, "released": {"activation": "leaky", "pool": "average"}}
+LAYERS = {
+    "published": {"activation": "relu", "pool": "max", "convolutions_last": 3, "xavier": False},
+    "released": {"activation": "leaky", "pool": "average", "convolutions_last": 2, "xavier": True},
+}
+BALANCE_FROM, BALANCE_EVERY = 10_000, 1000  # iterations of the released code's choice of model
 
 
 @dataclass(frozen=True)
 class Settings:
     """Of one training; the defaults are the published ones (reference section 5).
 
-    variant: `paper` (ReLU, max pooling, 8 convolutions up) or `released` (leaky ReLU, average pooling, 6 and a head).
-    residual: add the network's output to the k-NN motion instead of replacing it; ours, for short trainings.
+    preset : `published` (the thesis) or `released` (the public code): what the keys that are left out are.
+    layers : `published` (ReLU, max pooling, 7 convolutions up and a head) or `released` (leaky ReLU, average pooling, 6
+        and a head, Xavier-normal initial weights).
+    widths, width : preset of `cospeech.unet1d`, and a factor on it.
+    gradient_penalty, penalty_at : its weight, and where it is taken: for the motion at `generated` pairs (eq. 5.2) or
+        for speech and motion at random `interpolates` between real and generated pairs (Gulrajani et al. 2017).
+    fidelity : weight of the L1 distance to the k-NN motion.
+    statistics : z-score k-NN motion by `real` motion's, or in training by its own (`mixed`).
+    keep : the `last` iteration, or the most `balanced` critic's of every thousandth after ten thousand.
+    residual : add the network's output to the k-NN motion instead of replacing it; ours, for short trainings.
+    condition, condition_weight : control signals that the generator is told and is to keep; ours.
     """
 
     steps: int = 300_000
@@ -35,25 +52,63 @@ class Settings:
     learning_rate: float = 1e-4
     betas: tuple = (0.0, 0.9)
     weight_decay: float = 4e-5
-    preset: str = "resync"
-    variant: str = "paper"
+    preset: str = "published"
+    layers: str = "published"
+    widths: str = "resync"
     width: float = 1.0
     critic_iterations: int = 5
     gradient_penalty: float = 100.0
+    penalty_at: str = "generated"
     fidelity: float = 0.1
+    statistics: str = "real"
+    keep: str = "last"
     residual: bool = False
+    condition: tuple = ()
+    condition_weight: float = 1.0
+
+
+PRESETS = {
+    "published": Settings(),
+    "released": Settings(
+        preset="released", layers="released", penalty_at="interpolates", statistics="mixed", keep="balanced"
+    ),
+}
+CHOICES = {
+    "preset": PRESETS, "layers": LAYERS, "penalty_at": ("generated", "interpolates"), "statistics": ("real", "mixed"),
+    "keep": ("last", "balanced"),
+}  # fmt: skip
+
+
+def settings_from(section):
+    """A budget's section (a dict) -> Settings: its preset's values, then its own keys. CospeechError on a bad one."""
+    name = section.get("preset", Settings.preset)
+    settings = settings_of(PRESETS.get(name, Settings()), section, "resync")
+    for key, known in CHOICES.items():
+        if getattr(settings, key) not in known:
+            raise CospeechError(f"budget: resync.{key} is {getattr(settings, key)!r}; known: {', '.join(known)}")
+    check_conditions(settings.condition)
+    if settings.condition and settings.statistics == "mixed":
+        raise CospeechError("budget: resync.condition needs the k-NN motion in true metres; set statistics: real")
+    return settings
 
 
 class ResyncNetwork(nn.Module):
-    """features (B, 28, T), matched (B, 165, T) parent-relative metres -> motion (B, 165, T) parent-relative metres."""
+    """features (B, 28, T), matched (B, 165, T) parent-relative metres -> motion (B, 165, T) parent-relative metres.
 
-    def __init__(self, channels, settings, statistics):
+    statistics : {"features", "motion" and, with conditions, "condition": (mean (C,), deviation (C,))} of real data.
+    """
+
+    def __init__(self, channels, settings, statistics, fps=15.0):
         super().__init__()
-        widths, layers = preset(settings.preset).scaled(settings.width), LAYERS[settings.variant]
-        last = 3 if settings.variant == "paper" else 2
+        widths, layers = preset(settings.widths).scaled(settings.width), LAYERS[settings.layers]
         self.residual = settings.residual
-        self.encoder = Encoder(channels + MOTION_CHANNELS, widths.encoder, **layers)
-        self.decoder = Decoder(MOTION_CHANNELS, widths.encoder, widths.decoder, layers["activation"], last)
+        self.conditions = Conditions(settings.condition, fps) if settings.condition else None
+        told = channels + len(settings.condition) + MOTION_CHANNELS
+        self.encoder = Encoder(told, widths.encoder, layers["activation"], layers["pool"])
+        self.decoder = Decoder(
+            MOTION_CHANNELS, widths.encoder, widths.decoder, layers["activation"], layers["convolutions_last"]
+        )
+        initialise(self, settings)
         for name, (mean, deviation) in statistics.items():
             self.register_buffer(f"{name}_mean", torch.as_tensor(mean)[:, None])
             self.register_buffer(f"{name}_deviation", torch.as_tensor(deviation)[:, None])
@@ -66,21 +121,63 @@ class ResyncNetwork(nn.Module):
         features = (features - self.features_mean) / self.features_deviation
         return torch.cat([features, (motion - self.motion_mean) / self.motion_deviation], dim=1)
 
+    def signals(self, motion):
+        """Standardised motion (B, 165, T) -> the conditions' z-scored signals (B, S, T)."""
+        found = self.conditions(motion * self.motion_deviation + self.motion_mean)
+        return (found - self.condition_mean) / self.condition_deviation
+
     def refine(self, x):
         """The generator on standardised input (B, 193, T) -> standardised motion (B, 165, T)."""
+        matched = x[:, -MOTION_CHANNELS:]
+        if self.conditions is not None:
+            x = torch.cat([x, self.signals(matched)], dim=1)
         out = self.decoder(self.encoder(x))
-        return out + x[:, -MOTION_CHANNELS:] if self.residual else out
+        return out + matched if self.residual else out
 
     def forward(self, features, matched):
         return self.refine(self.standardized(features, matched)) * self.motion_deviation + self.motion_mean
 
 
-def gradient_penalty(critic, real, fake):
-    """Eq. 5.2 after Gulrajani et al. 2017: E (|grad D(x)| - 1)^2 at random interpolates, one alpha per sample."""
-    alpha = torch.rand(len(real), 1, 1, device=real.device)
-    x = (alpha * real + (1 - alpha) * fake).requires_grad_()
+def initialise(network, settings):
+    """The released code's first weights, Xavier-normal with the gain of ReLU, where `layers` asks for them."""
+    if not LAYERS[settings.layers]["xavier"]:
+        return
+    for module in network.modules():
+        if isinstance(module, (nn.Conv1d, nn.Linear)):
+            nn.init.xavier_normal_(module.weight, nn.init.calculate_gain("relu"))
+            if module.bias is not None:
+                nn.init.zeros_(module.bias)
+
+
+def gradient_penalty(critic, real, fake, at="interpolates"):
+    """E (|grad D(x)| - 1)^2 of pairs (B, C, T).
+
+    `generated`: at the generated pairs, of the gradient for the motion (eq. 5.2 as printed). `interpolates`: at random
+    points between real and generated pairs, one alpha per sample, for all channels (Gulrajani et al. 2017).
+    """
+    if at == "interpolates":
+        alpha = torch.rand(len(real), 1, 1, device=real.device)
+        fake = alpha * real + (1 - alpha) * fake
+    x = fake.detach().requires_grad_()
     (gradient,) = torch.autograd.grad(critic(x).sum(), x, create_graph=True)
+    if at == "generated":
+        gradient = gradient[:, -MOTION_CHANNELS:]
     return ((torch.linalg.vector_norm(gradient.flatten(1), dim=1) - 1) ** 2).mean()
+
+
+class Kept(nn.Module):
+    """The generator of the iteration whose critic told real from generated least, so far (the released choice)."""
+
+    def __init__(self, generator):
+        super().__init__()
+        self.generator = deepcopy(generator).requires_grad_(False)
+        self.register_buffer("imbalance", torch.tensor(float("inf")))
+
+    def look(self, step, generator, wasserstein):
+        """Keep the generator if it is the turn of this iteration, and the critic's difference the smallest."""
+        if step >= BALANCE_FROM and step % BALANCE_EVERY == 0 and wasserstein.abs() < self.imbalance:
+            self.imbalance.copy_(wasserstein.abs())
+            self.generator.load_state_dict(generator.state_dict())
 
 
 class ResyncTask:
@@ -90,11 +187,16 @@ class ResyncTask:
         torch.manual_seed(seed)
         self.settings = settings
         self.windows = training_pairs(clips, database, settings, seed, starts)
+        channels, fps = clips[0].features.shape[1], clips[0].fps
         statistics = {name: self.windows.statistics(name) for name in ("features", "motion")}
-        self.generator = ResyncNetwork(clips[0].features.shape[1], settings, statistics).to(device())
-        channels = clips[0].features.shape[1] + MOTION_CHANNELS
-        widths = preset(settings.preset).scaled(settings.width).critic
-        self.critic = Critic(channels, widths, settings.frames, "instance", "leaky", "average", bias=False)
+        if settings.condition:
+            statistics["condition"] = self._signal_statistics(Conditions(settings.condition, fps))
+        self.generator = ResyncNetwork(channels, settings, statistics, fps).to(device())
+        widths = preset(settings.widths).scaled(settings.width).critic
+        self.critic = Critic(
+            channels + MOTION_CHANNELS, widths, settings.frames, "instance", "leaky", "average", bias=False
+        )
+        initialise(self.critic, settings)
         self.critic.to(device())
         self.modules = {"generator": self.generator, "critic": self.critic}
         options = {
@@ -104,18 +206,30 @@ class ResyncTask:
             "fused": True,
         }
         self.optimizers = {name: torch.optim.Adam(m.parameters(), **options) for name, m in self.modules.items()}
+        if settings.keep == "balanced":
+            self.modules["kept"] = Kept(self.generator)
+        self.own = self.windows.statistics("matched") if settings.statistics == "mixed" else statistics["motion"]
         lengths = np.median([bone_lengths(clip.positions) for clip in clips], axis=0)
         self.description = {
-            "model": "resync", "settings": asdict(settings), "fps": clips[0].fps, "multiple": MULTIPLE, "halo": HALO,
+            "model": "resync", "settings": asdict(settings), "fps": fps, "multiple": MULTIPLE, "halo": HALO,
             "bone_lengths": [round(float(length), 6) for length in lengths],
         }  # fmt: skip
 
+    def _signal_statistics(self, conditions):
+        """Mean and deviation (S,), (S,) of the conditions over the real windows."""
+        blocks = (conditions(torch.from_numpy(motion).mT) for motion in self.windows.real_motion())
+        return moments(block.mT.reshape(-1, block.shape[1]).numpy() for block in blocks)
+
     def iterate(self, step, rng):
         batch = self.windows.sample(rng, self.settings.batch)
+        mean, deviation = self.own
+        batch["matched"] = (batch["matched"] - mean) / deviation
         tensors = {name: torch.from_numpy(array).to(device()).transpose(1, 2) for name, array in batch.items()}
-        matched = self.generator.standardized(tensors["features"], tensors["matched"])
         real = self.generator.standardized(tensors["features"], tensors["motion"])
+        matched = torch.cat([real[:, :-MOTION_CHANNELS], tensors["matched"]], dim=1)
         losses = self._update_critic(matched, real)
+        if "kept" in self.modules:
+            self.modules["kept"].look(step, self.generator, losses["wasserstein"])
         if step % self.settings.critic_iterations == 0:
             losses |= self._update_generator(matched)
         return losses
@@ -130,40 +244,29 @@ class ResyncTask:
         with torch.no_grad():
             _, fake = self._fake(matched)
         wasserstein = self.critic(fake).mean() - self.critic(real).mean()
-        penalty = gradient_penalty(self.critic, real, fake)
+        penalty = gradient_penalty(self.critic, real, fake, self.settings.penalty_at)
         descend(self, "critic", wasserstein + self.settings.gradient_penalty * penalty)
         return {"wasserstein": wasserstein.detach(), "gradient_penalty": penalty.detach()}
 
     def _update_generator(self, matched):
+        """Eq. 5.3, and for a conditioned generator the L1 distance of the control signals to the k-NN motion's."""
         motion, fake = self._fake(matched)
-        adversarial = -self.critic(fake).mean()
-        fidelity = F.l1_loss(motion, matched[:, -MOTION_CHANNELS:])
-        descend(self, "generator", adversarial + self.settings.fidelity * fidelity)
-        return {"adversarial": adversarial.detach(), "fidelity": fidelity.detach()}
+        losses = {"adversarial": -self.critic(fake).mean()}
+        losses["fidelity"] = F.l1_loss(motion, matched[:, -MOTION_CHANNELS:])
+        total = losses["adversarial"] + self.settings.fidelity * losses["fidelity"]
+        if self.settings.condition:
+            wanted = self.generator.signals(matched[:, -MOTION_CHANNELS:])
+            losses["condition"] = F.l1_loss(self.generator.signals(motion), wanted)
+            total = total + self.settings.condition_weight * losses["condition"]
+        descend(self, "generator", total)
+        return {name: loss.detach() for name, loss in losses.items()}
 
     def export(self):
         """What is kept: (module in eval mode on the CPU, {input: example (B, C, T)}, output names)."""
-        sizes = {"features": len(self.generator.features_mean), "matched": MOTION_CHANNELS}
+        kept = self.modules.get("kept")
+        if kept and not torch.isfinite(kept.imbalance):
+            notice(f"resync: keep: balanced looks from iteration {BALANCE_FROM} on; the last one is kept instead")
+        generator = kept.generator if kept and torch.isfinite(kept.imbalance) else self.generator
+        sizes = {"features": len(generator.features_mean), "matched": MOTION_CHANNELS}
         example = {name: torch.zeros(2, size, self.settings.frames) for name, size in sizes.items()}
-        return self.generator.cpu().eval(), example, ["motion"]
-
-
-def training_pairs(clips, database, settings, seed, starts=None):
-    """Windows of (features, real motion, k-NN motion), one every `stride` frames, motions parent-relative (T, 165).
-
-    starts : seconds at which each clip begins in its take (None: at 0), so that with a single take in the database a
-    window is not matched with itself.
-    """
-    sources = [{"features": c.features, "positions": c.positions.reshape(len(c), -1)} for c in clips]
-    windows = Windows(sources, [c.valid for c in clips], settings.frames, settings.stride)
-    takes = np.concatenate([np.full(len(c), c.clip) for c in clips])[windows.starts]
-    clock = [np.arange(len(c)) / c.fps + start for c, start in zip(clips, starts or [0.0] * len(clips), strict=True)]
-    every = windows.take(slice(None))
-    matched = fake_pairs(database, every["features"], takes, np.concatenate(clock)[windows.starts], seed=seed)
-    relative = lambda x: to_parent_relative(x.reshape(*x.shape[:2], -1, 3)).reshape(*x.shape[:2], -1)  # noqa: E731
-    motion, matched = relative(every["positions"]), relative(matched)
-    sequences = [
-        {"features": f, "motion": real.astype(np.float32), "matched": fake.astype(np.float32)}
-        for f, real, fake in zip(every["features"], motion, matched, strict=True)
-    ]
-    return Windows(sequences, [np.ones(settings.frames, bool)] * len(sequences), settings.frames)
+        return generator.cpu().eval(), example, ["motion"]

@@ -4,6 +4,7 @@ from cospeech.speech.audio import audio_duration, load_audio, write_wav
 from cospeech.speech.features import speech_features
 from cospeech.speech.loudness import integrated_loudness, normalize_loudness
 from cospeech.speech.onsets import speech_onsets
+from cospeech.speech.recognize import recognize_words, words_of_speech
 from cospeech.speech.words import find_words, read_words
 
 __all__ = [
@@ -13,7 +14,9 @@ __all__ = [
     "load_audio",
     "normalize_loudness",
     "read_words",
+    "recognize_words",
     "speech_features",
     "speech_onsets",
+    "words_of_speech",
     "write_wav",
 ]
