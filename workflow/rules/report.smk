@@ -6,6 +6,9 @@ rule write_report:
         evaluations=[f"<results>/{subject}/evaluation/{row}.h5" for subject in SUBJECTS for row in ROWS],
         histories=all_histories(),
         videos=all_films(),
+        studies=STUDIES,
+        compared=COMPARED,
+        curves=CURVES,
     output:
         report("<results>/report.html", caption="../report/report.rst", category="Report"),
     log:

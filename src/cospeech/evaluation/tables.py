@@ -66,15 +66,15 @@ def write_hdf5(path, evaluations):
             evaluation.put(group)
 
 
-def write_csv(path, evaluations):
+def write_csv(path, evaluations, metrics=tuple(METRICS)):
     """results/summary.csv: one line a subject and row; two columns a metric, mean and deviation, "n/a" where none."""
     with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(
-            ["subject", "row", "runs", "clips", *(heading for name in METRICS for heading in headings(name))]
+            ["subject", "row", "runs", "clips", *(heading for name in metrics for heading in headings(name))]
         )
         for line in summarise(evaluations):
-            cells = (number(x) for name in METRICS for x in (line.mean[name], line.deviation[name]))
+            cells = (number(x) for name in metrics for x in (line.mean[name], line.deviation[name]))
             table.writerow([line.subject, line.row, line.runs, line.clips, *cells])
 
 

@@ -16,7 +16,10 @@ import numpy as np
 from cospeech.errors import CospeechError, notice
 from cospeech.evaluation.result import BASELINES, METRICS
 from cospeech.evaluation.tables import cell
+from cospeech.evaluation.variants import LABELS
+from cospeech.evaluation.variants import METRICS as COMPARED
 from cospeech.files import reading_hdf5, writing
+from cospeech.render.control import control_section
 
 FILMS, FILM_BYTES = 12, 40e6  # embedded at most; the others are linked
 ARROWS = {"lower": "↓ lower is better", "higher": "↑ higher is better", "truth": "≈ close to ground truth is better"}
@@ -50,7 +53,7 @@ MEANING = {
 
 def write_report(
     path, *, title, evaluation=(), histories=None, videos=(), config="", versions=None, timings=(), notices=(),
-    subtitle="", film_bytes=FILM_BYTES,
+    subtitle="", film_bytes=FILM_BYTES, control=(), variants=(), figures=(),
 ):  # fmt: skip
     """Write the report as one HTML file that needs no other file and no network.
 
@@ -60,6 +63,8 @@ def write_report(
     histories : {label: path of a history.h5}; every loss term becomes a curve.
     videos : list of (label, path of an mp4). The first 12 that fit into `film_bytes` together are embedded; the others
         are linked by their path relative to the report.
+    control : list of `cospeech.evaluation.control.ControlRow`; figures : list of (label, path) shown beside them.
+    variants : list of Summary, of the search's variants and what they are compared with (thesis Table 5.4).
     config : the configuration as text (YAML). versions : {package: version}. notices : lines worth knowing.
     timings : list of (label, path of a benchmark TSV with the columns s and max_rss), or {label: path}.
 
@@ -68,6 +73,8 @@ def write_report(
     timings = list(timings.items() if isinstance(timings, dict) else timings)
     sections = {
         "Evaluation": _evaluation(evaluation),
+        "Control": control_section(control, figures),
+        "Variants": _variants(variants),
         "Films": _films(videos, Path(path).parent, film_bytes),
         "Training": _curves(histories or {}),
         "Notices": _notices(notices),
@@ -111,7 +118,15 @@ the best. Every trained row is the last epoch. <i>n/a</i>: the metric does not a
 <div class="card"><dl>{explained}</dl></div>"""
 
 
-def _table(lines, metrics):
+def _variants(summaries):
+    subjects = dict.fromkeys(line.subject for line in summaries)
+    tables = [f"<h3>{escape(name)}</h3>" + _table([s for s in summaries if s.subject == name], COMPARED, LABELS)
+              for name in subjects]  # fmt: skip
+    about = "<p>The variants of the search in thesis Table 5.4, where people judged them.</p>" if tables else ""
+    return about + "".join(tables)
+
+
+def _table(lines, metrics, names=ROWS):
     arrow = {"lower": "↓", "higher": "↑", "truth": "≈"}
     head = "".join(f"<th>{escape(METRICS[name].label)} {arrow[METRICS[name].better]}"
                    f"<small>{escape(METRICS[name].unit) or '&nbsp;'}</small></th>" for name in metrics)  # fmt: skip
@@ -120,7 +135,7 @@ def _table(lines, metrics):
         cells = [cell(line, name) for name in metrics]
         values = "".join(f"<td{' class=none' if text == 'n/a' else ''}>{escape(text)}</td>" for text in cells)
         real = ' class="real"' if line.row in BASELINES else ""
-        body += (f"<tr{real}><td>{escape(ROWS.get(line.row, line.row))}</td><td>{line.runs}</td><td>{line.clips}</td>"
+        body += (f"<tr{real}><td>{escape(names.get(line.row, line.row))}</td><td>{line.runs}</td><td>{line.clips}</td>"
                  f"{values}</tr>\n")  # fmt: skip
     return (f'<div class="card scroll"><table><thead><tr><th>row</th><th>runs</th><th>clips</th>{head}</tr></thead>'
             f"<tbody>\n{body}</tbody></table></div>")  # fmt: skip

@@ -1,0 +1,171 @@
+"""Is a control kept, and what does the resynchroniser make of it? Thesis Table 5.3, for any speaker.
+
+Every control of the table is put on the whole of every test clip. What is kept are the control signals frame by frame;
+tables and figures are made from them.
+"""
+
+import csv
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from cospeech.errors import CospeechError
+from cospeech.evaluation.tables import number
+from cospeech.files import put, reading_hdf5, writing, writing_hdf5
+from cospeech.matching.controls import Wanted
+from cospeech.matching.signals import SIGNALS
+from cospeech.synthesis import smooth, usual_smoothing
+
+SCHEMA = "cospeech.control"
+BEFORE = "knn"  # whose motion the others start from
+FREE = "unconstrained"
+TABLE = (
+    ("left_wrist_height", "high"), ("left_wrist_height", "low"), ("left_wrist_speed", "fast"),
+    ("left_wrist_speed", "slow"), ("symmetry", "asymmetric"), ("symmetry", "symmetric"),
+)  # fmt: skip
+
+
+@dataclass
+class ControlStudy:
+    """The control signals of one subject's test clips (schema `cospeech.control`, version 1).
+
+    thresholds : {(signal, level): value in the signal's unit}. valid : {clip: (T,) bool}, frames that count.
+    series : {(clip, model, signal, level): (T,) float32}; level `FREE` is the same signal without any control.
+    """
+
+    subject: str
+    fps: float
+    thresholds: dict
+    valid: dict
+    series: dict
+
+    @property
+    def models(self):
+        """Names of the models, in order."""
+        return list(dict.fromkeys(model for _, model, _, _ in self.series))
+
+    def values(self, model, signal, level):
+        """The signal over the frames of all clips that count, (N,)."""
+        return np.concatenate([self.series[clip, model, signal, level][v] for clip, v in self.valid.items()])
+
+    def write(self, path):
+        """Write results/<subject>/evaluation/control.h5."""
+        with writing_hdf5(path, SCHEMA, subject=self.subject, fps=self.fps) as file:
+            for (signal, level), threshold in self.thresholds.items():
+                file.create_dataset(f"threshold/{signal}/{level}", data=threshold, track_times=False)
+            for clip, valid in self.valid.items():
+                put(file, f"clip/{clip}/valid", valid)
+            for (clip, *key), values in self.series.items():
+                put(file, "/".join(["clip", clip, "signal", *key]), values)
+
+    @classmethod
+    def read(cls, path):
+        """Read what `write` wrote; clips in the order of their names."""
+        with reading_hdf5(path, SCHEMA) as file:
+            levels = {(s, v): float(d[()]) for s, group in file["threshold"].items() for v, d in group.items()}
+            thresholds = {key: levels[key] for key in TABLE if key in levels}
+            valid = {clip: group["valid"][()] for clip, group in file["clip"].items()}
+            series = {
+                (clip, model, signal, level): values[()]
+                for clip, group in file["clip"].items()
+                for model, signals in group["signal"].items()
+                for signal, levels in signals.items()
+                for level, values in levels.items()
+            }
+            return cls(file.attrs["subject"], float(file.attrs["fps"]), thresholds, valid, series)
+
+
+def study_controls(subject, generators, clips, seed=0):
+    """Generate every control of `TABLE`, and no control, for every test clip: -> ControlStudy.
+
+    Parameters
+    ----------
+    generators : {model: generator}; `knn` must be there, the others refine its motion.
+    clips : {clip id: Clip}, the test part. seed : of the generators.
+
+    Every motion is smoothed as `synthesize` does.
+    """
+    signals = generators[BEFORE].signals
+    thresholds = {(s, level): Wanted.of(s, level).alternatives[0][0].threshold(signals) for s, level in TABLE}
+    series = {}
+    for name, clip in sorted(clips.items()):
+        for model, generator in generators.items():
+            make = lambda *asked, g=generator, m=model, c=clip: _motion(g, m, c, seed, asked)  # noqa: E731
+            free = make()
+            for signal, level in TABLE:
+                measured = {FREE: free, level: make(f"{signal}={level}")}
+                for key, positions in measured.items():
+                    series[name, model, signal, key] = SIGNALS[signal](positions, clip.fps).astype(np.float32)
+    valid = {name: clip.valid for name, clip in sorted(clips.items()) if clip.valid.any()}
+    if not valid:
+        raise CospeechError(f"{subject}: no test clip has a valid frame; change 'split:'")
+    return ControlStudy(subject, next(iter(clips.values())).fps, thresholds, valid, series)
+
+
+def _motion(generator, model, clip, seed, controls):
+    motion = generator.generate(clip.features, seed=seed, controls=list(controls))
+    return smooth(motion, usual_smoothing(model)).positions
+
+
+@dataclass(frozen=True)
+class ControlRow:
+    """A line of Table 5.3, in the signal's unit, over all frames of all test clips.
+
+    kept : share of frames that keep the bound. change : mean |difference| from the k-NN motion under the same control,
+    NaN for k-NN itself. free_* : the same without control.
+    """
+
+    subject: str
+    signal: str
+    level: str
+    unit: str
+    model: str
+    threshold: float
+    mean: float
+    deviation: float
+    kept: float
+    change: float
+    free_mean: float
+    free_deviation: float
+    free_kept: float
+    frames: int
+    clips: int
+
+
+def control_rows(study):
+    """The lines of Table 5.3 for one subject, k-NN before the resynchroniser: list of ControlRow."""
+    models = sorted(study.models, key=lambda model: model != BEFORE)
+    return [_row(study, *key, model) for key in study.thresholds for model in models]
+
+
+def _row(study, signal, level, model):
+    threshold, upper = study.thresholds[signal, level], SIGNALS[signal].levels[level]
+    values, free = (study.values(model, signal, key).astype(np.float64) for key in (level, FREE))
+    kept = lambda x: float(np.mean(x >= threshold if upper else x <= threshold))  # noqa: E731
+    change = np.nan
+    if model != BEFORE:
+        change = float(np.abs(values - study.values(BEFORE, signal, level)).mean())
+    return ControlRow(
+        study.subject, signal, level, SIGNALS[signal].unit, model, threshold, float(values.mean()),
+        float(values.std()), kept(values), change, float(free.mean()), float(free.std()), kept(free), len(values),
+        len(study.valid),
+    )  # fmt: skip
+
+
+def write_csv(path, rows):
+    """results/tables/table_5_3.csv: one line a subject, control and model, "n/a" where a number does not apply."""
+    names = [field.name for field in fields(ControlRow)]
+    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(names)
+        for row in rows:
+            cells = (getattr(row, name) for name in names)
+            table.writerow([number(cell) if isinstance(cell, float) else cell for cell in cells])
+
+
+def write_hdf5(path, rows):
+    """results/tables/table_5_3.h5: the same as arrays, one a column (schema `cospeech.control_table`, version 1)."""
+    with writing_hdf5(path, "cospeech.control_table") as file:
+        for field in fields(ControlRow):
+            column = [getattr(row, field.name) for row in rows]
+            put(file, field.name, [text.encode() for text in column] if field.type is str else column)

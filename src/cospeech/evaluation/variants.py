@@ -1,0 +1,55 @@
+"""The variants of the search in thesis Table 5.4, judged by this project's metrics instead of by people."""
+
+from dataclasses import replace
+
+from cospeech.evaluation.result import BASELINES
+
+# Row: options of `KNN.generate`. The first two are the thesis's; then its two other choices, turned.
+VARIANTS = {
+    "knn_pose_only": {"variant": "pose_only"},
+    "knn_audio": {"variant": "audio"},
+    "knn_mean_pose": {"initial": "mean"},
+    "knn_fifth": {"k": 5},
+}
+LABELS = {
+    "ground_truth": "Ground truth",
+    "mismatched": "Mismatched audio-gesture",
+    "mean_pose": "Mean pose",
+    "regression": "Direct regression",
+    "lstm": "LSTM",
+    "velocity_gan": "Velocity adversarial",
+    "gesture_gan": "Habibie et al. 2021",
+    "moglow": "MoGlow",
+    "knn_pose_only": "k-NN, pose only",
+    "knn_audio": "k-NN, audio pre-selected",
+    "knn": "k-NN, pose pre-selected",
+    "knn_mean_pose": "k-NN, from the mean pose",
+    "knn_fifth": "k-NN, fifth best (k = 5)",
+    "resync": "k-NN + cGAN",
+}
+METRICS = ("fgd", "fgd_train", "motion_variance", "beat_consistency", "beat_excess", "beat_rate", "synchrony")
+
+
+def evaluate_variants(knn, clips, reference, seed=0):
+    """Generate and judge every one of `VARIANTS`: -> {row: Evaluation}.
+
+    knn : a KNN generator. clips : {clip id: Clip}, the test part. reference : the `Reference` of the other rows.
+    """
+    from cospeech.evaluation.evaluate import evaluate_model
+
+    found, most = {}, len(knn.matcher.database)  # a tiny database has no fifth best
+    for row, options in VARIANTS.items():
+        options, made = {**options, "k": min(options.get("k", 1), most)}, {}
+        for name, clip in clips.items():
+            positions = knn.generate(clip.features, seed=seed, **options).positions
+            made[name] = replace(clip, positions=positions, generator=row, extra={"seed": seed, "smoothing": 0.0})
+        found[row] = evaluate_model(row, made, reference)
+    return found
+
+
+def ordered(evaluations):
+    """Evaluations in the order of Table 5.4 within each subject: baselines, other models, k-NN's variants, resync."""
+    known = list(LABELS)
+    rank = lambda row: known.index(row) if row in known else len(BASELINES) - 0.5  # noqa: E731
+    subjects = list(dict.fromkeys(e.subject for e in evaluations))
+    return sorted(evaluations, key=lambda e: (subjects.index(e.subject), rank(e.row)))

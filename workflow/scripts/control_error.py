@@ -1,0 +1,16 @@
+"""The control signals of a subject's test part under the controls of Table 5.3, before and after the cGAN."""
+
+from pathlib import Path
+
+from job import job, snakemake
+
+with job():
+    from cospeech.clip import Clip
+    from cospeech.evaluation.control import study_controls
+    from cospeech.synthesis import load_generator
+
+    folder, params = snakemake.params.folder, snakemake.params
+    generators = {model: load_generator(model, folder, snakemake.threads) for model in params.models}
+    clips = {Path(path).stem: Clip.read(path) for path in snakemake.input.clips}
+    study = study_controls(snakemake.wildcards.subject, generators, clips, seed=params.seed)
+    study.write(snakemake.output.study)
