@@ -4,13 +4,14 @@ import difflib
 import os
 import sys
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import yaml
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
+from video_takes import film_takes
 
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.split import PARTS, split_clips
@@ -21,12 +22,17 @@ SHARES = {"train": 0.8, "val": 0.1, "test": 0.1, "by": "take"}
 
 @dataclass(frozen=True)
 class Subject:
-    """One speaker: `source` as in the subject file, `split` = the shares and `by`."""
+    """One speaker: `source` as in the subject file, `split` = the shares and `by`.
+
+    For films: `tracker` = its name and files, `absent` = {take: why it is left out}.
+    """
 
     name: str
     source: dict
     split: dict
     seed: int
+    tracker: dict = field(default_factory=dict)
+    absent: dict = field(default_factory=dict)
 
     @cached_property
     def takes(self):
@@ -65,7 +71,10 @@ def load_configuration(config, workflow):
     files = dict.fromkeys([*workflow.overwrite_configfiles, *workflow.configfiles])
     label = " + ".join(os.path.relpath(file) if Path.cwd() in Path(file).parents else str(file) for file in files)
     try:
-        return read_configuration(config, label or "config", workflow.basedir)
+        subjects, budget = read_configuration(config, label or "config", workflow.basedir)
+        for line in [line for subject in subjects.values() for line in subject.absent.values()]:
+            print(f"note: {line}; left out", file=sys.stderr)
+        return subjects, budget
     except CospeechError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
@@ -86,22 +95,28 @@ def read_configuration(config, label, home):
     subjects = {}
     for entry in config["subjects"]:
         path = _locate(entry, Path(home) / "config" / "subjects", f"{label}: subjects")
-        subject = read_subject(path, config["seed"])
+        subject = read_subject(path, config["seed"], config["results_dir"])
         if subject.name in subjects:
             raise CospeechError(f"{path}: name {subject.name!r} is taken by another subject; give it its own")
         subjects[subject.name] = subject
     _check_synthesis(config, subjects, label)
+    _check_posenet(config.get("posenet", {}), label)
     path = _locate(config["budget"], Path(home) / "config" / "budgets", f"{label}: budget")
     budget = read_yaml(path)
     check(budget, "budget", path)
     return subjects, budget
 
 
-def read_subject(path, seed=0):
+def read_subject(path, seed=0, results="results"):
     """The Subject of a subject file, after checking keys, names, times and that every file it names exists."""
     content = read_yaml(path)
     check(content, "subject", path)
-    subject = Subject(content["name"], content["source"], SHARES | content.get("split", {}), seed)
+    source, tracker, absent = content["source"], {}, {}
+    if source["kind"] == "video":
+        tracker = _tracker_of(content, path)
+        takes, absent = film_takes(source, Path(results) / content["name"] / "media", path)
+        source = source | {"takes": takes}
+    subject = Subject(content["name"], source, SHARES | content.get("split", {}), seed, tracker, absent)
     if subject.source["kind"] != "demo":
         _check_takes(subject.source["takes"], path)
     try:
@@ -109,6 +124,19 @@ def read_subject(path, seed=0):
     except CospeechError as error:
         raise CospeechError(f"{path}: {error}") from error
     return subject
+
+
+def _tracker_of(content, path):
+    """{name, manifest, model, folder} of a subject of films."""
+    tracker = {key: content[key] for key in ("manifest", "model", "folder", "body_model") if key in content}
+    name = content.get("tracker", "mediapipe")
+    for key, owner in {"manifest": "onnx", "model": "onnx", "folder": "tracks", "body_model": "tracks"}.items():
+        if key in tracker and name != owner:
+            raise CospeechError(f"{path}: {key} belongs to tracker {owner}, not to {name}")
+    for needs, key in (("onnx", "manifest"), ("tracks", "folder")):
+        if name == needs and key not in tracker:
+            raise CospeechError(f"{path}: tracker {name} needs key {key!r}")
+    return {"name": name} | tracker
 
 
 def _check_takes(takes, path):
@@ -134,12 +162,25 @@ def _check_synthesis(config, subjects, label):
             raise CospeechError(f"{where}: model {entry['model']!r} is not one of {', '.join(config['models'])}")
         if "k" in entry and entry["model"] not in ("knn", "resync"):
             raise CospeechError(f"{where}: k chooses among matches, which {entry['model']} has none of; leave it out")
-        if not Path(entry["audio"]).is_file():
-            raise CospeechError(f"{where}: audio: {entry['audio']}: no such file")
+        named = {key: entry[key] for key in ("audio", "words", "gestures") if key in entry}
+        named |= {f"replace[{i}].clip": one["clip"] for i, one in enumerate(entry.get("replace", []))}
+        for key, file in named.items():
+            if not Path(file).is_file():
+                raise CospeechError(f"{where}: {key}: {file}: no such file")
         result = entry["subject"], entry["model"], entry["name"]
         if result in seen or entry["name"] in subjects[entry["subject"]].takes:
             raise CospeechError(f"{where}: the name is taken by another entry or a take; results would collide")
         seen.add(result)
+
+
+def _check_posenet(posenet, label):
+    named = {"imagenet": [posenet["imagenet"]] if posenet.get("imagenet") else []}
+    for part, uses in posenet.get("data", {}).items():
+        named |= {f"data.{part}.{use}": paths for use, paths in uses.items()}
+    for key, paths in named.items():
+        for path in paths:
+            if not Path(path).is_file():
+                raise CospeechError(f"{label}: posenet.{key}: {path}: no such file")
 
 
 def _locate(entry, folder, where):

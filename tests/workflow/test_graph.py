@@ -21,7 +21,8 @@ def test_default_run_covers_every_stage_of_both_speakers(snakemake):
     assert jobs(done.stdout) == {
         "demo_take": 40, "annotate_demo": 40, "split_clips": 2, "build_database": 2, "train_model": 6,
         "train_feature_net": 2, "cut_truth": 6, "synthesize": 24, "export": 30, "render": 30, "evaluate": 2,
-        "summarize": 1, "write_report": 1, "all": 1, "total": 187,
+        "control_error": 2, "control_variants": 2, "write_control_tables": 1, "make_people": 1, "train_posenet": 1,
+        "export_posenet": 1, "evaluate_posenet": 1, "summarize": 1, "write_report": 1, "all": 1, "total": 196,
     }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 from configuration import load_configuration
 from digest import library_code
 from restart import forgive_killed_run
+from video_takes import precomputed_of
 
 forgive_killed_run(workflow)
 
@@ -17,7 +18,10 @@ MODELS = config["models"]
 TRAINED = [model for model in MODELS if model != "knn"]  # knn searches the database and has no weights
 MATCHED = ("knn", "resync")
 ROWS = ["ground_truth", "mismatched", "mean_pose", *MODELS]  # of every table; the first three are no models
-SHOWN = "ground_truth|regression|gesture_gan|knn|resync"  # wildcard constraint: whose motion lies under synthesis/
+KNOWN = "regression|gesture_gan|velocity_gan|lstm|moglow|knn|resync"
+SHOWN = f"ground_truth|{KNOWN}"  # wildcard constraint: whose motion lies under synthesis/
+POSENET = {"parts": [], "data": {}, "imagenet": "", "seeds": [0, 1, 2]} | config.get("posenet", {})
+PART = "<results>/posenet/{part}"
 SYNTHESES = {(e["subject"], e["model"], e["name"]): e for e in config["synthesis"]}
 
 
@@ -30,7 +34,7 @@ pathvars:
 wildcard_constraints:
     subject="[A-Za-z0-9_-]+",
     clip="[A-Za-z0-9_-]+",
-    model="regression|gesture_gan|knn|resync",
+    model=KNOWN,
 
 
 def of_kind(kind):
@@ -60,6 +64,7 @@ def all_models():
 
 def all_histories():
     networks = [f"<results>/{name}/models/{model}/history.h5" for name in SUBJECTS for model in TRAINED]
+    networks += [f"<results>/posenet/{part}/history.h5" for part in config.get("posenet", {}).get("parts", [])]
     return networks + [f"<results>/{name}/evaluation/feature_net_history.h5" for name in SUBJECTS]
 
 
@@ -91,7 +96,8 @@ def speech_of(wildcards):
     """Input function: the sound to generate for, and for a test clip the truth, which knows the words."""
     entry = SYNTHESES.get((wildcards.subject, wildcards.model, wildcards.clip))
     if entry:
-        return {"audio": entry["audio"]}
+        files = [entry[key] for key in ("words", "gestures") if key in entry]
+        return {"audio": entry["audio"], "asked": files + [one["clip"] for one in entry.get("replace", [])]}
     truth = f"<results>/{wildcards.subject}/synthesis/ground_truth/{wildcards.clip}"
     return {"audio": f"{truth}.wav", "truth": f"{truth}.h5"}
 
@@ -99,7 +105,14 @@ def speech_of(wildcards):
 def options_of(wildcards):
     """What a `synthesis:` entry asks of the generator; test clips are made with the config's seed alone."""
     entry = SYNTHESES.get((wildcards.subject, wildcards.model, wildcards.clip), {})
-    return {"seed": config["seed"]} | {key: entry[key] for key in ("k", "initial", "controls", "seed") if key in entry}
+    told = ("name", "subject", "audio", "model", "words", "recognize")
+    return {"seed": config["seed"]} | {key: value for key, value in entry.items() if key not in told}
+
+
+def words_of(wildcards):
+    """Where a `synthesis:` entry has its words from, if not from beside its sound."""
+    entry = SYNTHESES.get((wildcards.subject, wildcards.model, wildcards.clip), {})
+    return {"path": entry.get("words"), "recognize": entry.get("recognize", False)}
 
 
 def truth_beside(wildcards):
@@ -107,3 +120,52 @@ def truth_beside(wildcards):
     if wildcards.model == "ground_truth" or (wildcards.subject, wildcards.model, wildcards.clip) in SYNTHESES:
         return []
     return [f"<results>/{wildcards.subject}/synthesis/ground_truth/{wildcards.clip}.h5"]
+
+
+def tracked_by(tracker):
+    """Wildcard constraint: the subjects of films that this tracker sees."""
+    return "|".join(name for name, s in SUBJECTS.items() if s.tracker.get("name") == tracker) or "(?!)"
+
+
+def film_of(wildcards):
+    """Input function: the film of a take."""
+    return take_of(wildcards)["film"]
+
+
+def tracker_file(key):
+    """Input function: a file or folder that the subject's tracker reads."""
+    return lambda w: SUBJECTS[w.subject].tracker[key]
+
+
+def posenet_files(name):
+    """One file of each of our own pose networks, the body's first."""
+    parts = {"body": None} | dict.fromkeys(config.get("posenet", {}).get("parts", []))
+    return [f"<results>/posenet/{part}/{name}" for part in parts]
+
+
+def fetched():
+    """Wildcard constraint: the takes whose film is fetched under their name."""
+    takes = [t for s in SUBJECTS.values() if s.tracker for t in s.takes.values() if "url" in t]
+    return "|".join({Path(take["film"]).stem for take in takes}) or "(?!)"
+
+
+def people_of(use):
+    """Input function: files of people to train with or to test on; the config's own, or else synthetic ones."""
+
+    def people(wildcards):
+        return POSENET["data"].get(wildcards.part, {}).get(use, [f"{PART}/people/{use}.h5"])
+
+    return people
+
+
+def posenet_settings(*sections):
+    """A training's keys of the budget, later sections over earlier ones."""
+    settings = {"threads": BUDGET["threads"]}
+    for section in sections:
+        settings |= BUDGET.get(section, {})
+    return settings
+
+
+def all_posenets():
+    files = ("weights.safetensors", "model.onnx", "manifest.yaml", "history.h5", "evaluation.h5")
+    return [f"<results>/posenet/{part}/{name}" for part in POSENET["parts"] for name in files]

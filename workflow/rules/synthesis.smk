@@ -43,6 +43,7 @@ rule synthesize:
         folder=lambda w: f"{config['results_dir']}/{w.subject}",
         fps=config["fps"],
         options=options_of,
+        words=words_of,
         code=library_code("synthesize.py"),
     script:
         "../scripts/synthesize.py"
