@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cospeech.skeleton import from_parent_relative, to_parent_relative, with_bone_lengths
+from cospeech.skeleton import UPPER55, from_parent_relative, to_parent_relative, with_bone_lengths
 from cospeech.weights import OnnxNetwork
 
 
@@ -21,5 +21,7 @@ class Resynchronizer:
         matched = self.knn.generate(features, seed=seed, **options)
         relative = to_parent_relative(matched.positions).reshape(len(matched), -1)
         refined = self.network.run_long(features=features, matched=relative)["motion"]
-        positions = from_parent_relative(refined.reshape(matched.positions.shape))
+        relative = refined.reshape(matched.positions.shape)
+        relative[:, UPPER55.root] = 0  # the pelvis is the origin, where the network puts it only nearly
+        positions = from_parent_relative(relative)
         return replace(matched, positions=with_bone_lengths(positions, self.lengths))

@@ -16,7 +16,7 @@ from cospeech.posenet.threads import in_threads
 
 def augment(
     batch, rng, size, *, part="body", margin=1.0, scale=0.2, rotate=30.0, translate=0.1, flip=0.5, colour=0.2,
-    background=None, replace=0.5,
+    background=None, replace=0.5, occlude=0.0, blur=0.0,
 ):  # fmt: skip
     """Random crops of a batch: `Batch` of N crops of any side -> new `Batch` of N crops of side `size`.
 
@@ -28,7 +28,9 @@ def augment(
     rotate : turn in the image plane by at most so many degrees. translate : shift by at most this share of the side.
     flip : chance of a mirror image; parts without one (hands) are never mirrored.
     colour : contrast and each channel by a factor within 1 +- colour, brightness by as much of 64 grey levels.
-    background : (M, h, w, 3) uint8 images, put behind the person (`mask`) with chance `replace`.
+    background : (M, h, w, 3) uint8 images, put behind the person (`mask`) with chance `replace`, and pieces of them in
+        front of it with chance `occlude`; joints behind a piece are no longer visible.
+    blur : Gaussian blur of at most so many pixels, of every second crop.
     """
     count, side = len(batch), batch.images.shape[1]
     flipped = (rng.random(count) < flip) & PARTS[part].mirrored
@@ -38,6 +40,10 @@ def augment(
     result = transform(batch, size, zoom, angle, shift, flipped, part)
     if background is not None and len(background) and batch.mask is not None:
         _replace_background(result, rng, background, rng.random(count) < replace)
+    if background is not None and len(background) and occlude:
+        _occlude(result, rng, background, rng.random(count) < occlude)
+    if blur:
+        _blur(result.images, rng.uniform(-blur, blur, count))
     if colour:
         _jitter(result.images, rng, colour)
     return result
@@ -145,6 +151,32 @@ def _replace_background(batch, rng, background, chosen):
             batch.images[i] = cv2.add(person, cv2.multiply(behind, cv2.bitwise_not(alpha), scale=1 / 255))
 
     in_threads(compose, len(batch))
+
+
+def _occlude(batch, rng, background, chosen):
+    """A rectangle of another picture, a sixth to a half of the side wide and high, in front of the person, in place."""
+    size, count = batch.images.shape[1], len(batch)
+    extents = np.maximum(1, rng.uniform(1 / 6, 1 / 2, (count, 2)) * size).astype(int)
+    corners = (rng.random((count, 2)) * (size - extents + 1)).astype(int)
+    pictures = rng.integers(len(background), size=count)
+    for i in np.flatnonzero(chosen):
+        (x, y), (width, height) = corners[i], extents[i]
+        piece = cv2.resize(background[pictures[i]], (size, size))[y : y + height, x : x + width]
+        batch.images[i, y : y + height, x : x + width] = piece[::-1, ::-1]  # turned, so that it does not continue
+        inside = (batch.joints2d[i] >= corners[i]) & (batch.joints2d[i] < corners[i] + extents[i])
+        batch.visible[i] &= ~inside.all(axis=1)
+    batch.joints2d[~batch.visible] = 0
+
+
+def _blur(images, deviations):
+    """Gaussian blur by these deviations in pixels, those below 0.3 none, in place."""
+
+    def soften(indices):
+        for i in indices:
+            if deviations[i] > 0.3:
+                cv2.GaussianBlur(images[i], (0, 0), deviations[i], dst=images[i])
+
+    in_threads(soften, len(images))
 
 
 def _jitter(images, rng, strength):

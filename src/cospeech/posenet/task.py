@@ -22,7 +22,7 @@ from cospeech.posenet.network import DESIGNS, Output, PoseNet, heatmap_targets, 
 from cospeech.training import autocast, descend, device, finish, train
 from cospeech.weights import save_weights
 
-AUGMENT = {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0}
+AUGMENT = {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0, "occlude": 0.0, "blur": 0.0}
 SHAPE = ("input", "blocks", "width", "free", "latent", "camera")  # fields of Design that a budget may change
 OPTIMIZERS = ("adadelta", "adam")
 SCHEDULES = ("exponential", "cosine")
