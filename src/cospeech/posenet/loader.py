@@ -73,11 +73,10 @@ def _backgrounds(stores):
 
 
 def _emptied(image, mask):
-    """A picture without its person: filled with the mean of what is around."""
-    reach = (len(image) | 1,) * 2
-    kept = (mask == 0).astype(np.float32)
-    around = cv2.blur(image * kept[..., None], reach) / np.maximum(cv2.blur(kept, reach), 1e-3)[..., None]
-    return np.where(mask[..., None] > 0, around, image).astype(np.uint8)
+    """A picture without its person, painted over from around (Telea 2004)."""
+    edge = max(3, len(image) // 24) | 1  # blurred outlines and contact shadows, too, would keep the person's shape
+    person = cv2.dilate((mask > 0).astype(np.uint8), np.ones((edge, edge), np.uint8))
+    return cv2.inpaint(np.ascontiguousarray(image), person, 3, cv2.INPAINT_TELEA)
 
 
 class Loader:

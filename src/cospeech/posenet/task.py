@@ -48,7 +48,8 @@ class Settings:
     augment : how much crops are changed (`augment.augment`); the thesis crops, shifts and turns, and not by how much.
         `replace` is the chance of another background, out of the people without 3D labels.
     people : how many synthetic ones of each domain to train with, and how many of each to test with.
-    threads : CPU threads of torch; another number may round differently.
+    half : compute in bfloat16 on processors that have instructions for it, too. threads : CPU threads of torch; another
+        number may round differently.
     """
 
     pretraining: int = 186_000
@@ -72,6 +73,7 @@ class Settings:
     weights: dict = field(default_factory=lambda: asdict(Weights()))
     augment: dict = field(default_factory=lambda: AUGMENT.copy())
     people: dict = field(default_factory=lambda: {"studio": 20_000, "wild": 20_000, "test": 2_000})
+    half: bool = False
     threads: int = 1
 
     def __post_init__(self):
@@ -135,7 +137,7 @@ class PoseTask:
         images, labels = self.loader.take(step)
         for group in self.optimizers[stage].param_groups:
             group["lr"] = group["share"] * self.learning_rate(step)
-        with autocast():
+        with autocast(s.half):
             output = self.network(images)
         terms, loss = total_loss(_float(output), labels, self.network.heatmap_joints, self.design.parents, weights)
         descend(self, stage, loss)
@@ -200,12 +202,12 @@ def train_posenet(paths, settings, *, seed, folder, imagenet=None, checkpoint=No
     checkpoint : path for resuming, outside `folder`.
     """
     cv2.setNumThreads(1)  # the loader is one thread
-    torch.set_flush_denormal(True)
     torch.set_num_threads(settings.threads)
     task = PoseTask(Mixture(paths, settings.augment.get("replace", 0) > 0), settings, seed, imagenet)
     identity = sha256(json.dumps([task.description, str(imagenet)], sort_keys=True).encode())
     for path in paths:
         identity.update(files.sha256(path).encode())
+    torch.set_flush_denormal(True)  # dying activations would slow a training down tenfold
     try:
         history = train(
             task, settings.pretraining + settings.steps, seed=seed, checkpoint=checkpoint,
@@ -213,6 +215,7 @@ def train_posenet(paths, settings, *, seed, folder, imagenet=None, checkpoint=No
         )  # fmt: skip
     finally:
         task.loader.close()
+        torch.set_flush_denormal(False)
     folder = Path(folder)
     save_weights(folder / "weights.safetensors", task.network.cpu().state_dict(), task.description)
     history.write(folder / "history.h5")
