@@ -12,6 +12,7 @@ from cospeech.gestures.generate import GestureGenerator
 from cospeech.gestures.gesture_gan import GestureTask, Settings, reconstruction_losses
 from cospeech.gestures.vectors import motion_to_vectors, vectors_to_motion
 from cospeech.settings import settings_of
+from cospeech.skeleton import UPPER55
 from cospeech.synthesis import train_model
 from cospeech.training import train
 from cospeech.unet1d import HALO, PRESETS, Critic, Decoder, Encoder
@@ -78,6 +79,10 @@ def test_vectors_round_trip_and_hands_are_relative_to_their_wrists(toy_clips):
     back = vectors_to_motion(vectors, "toy")
     np.testing.assert_allclose(back.positions, motion.positions, atol=1e-6)
     np.testing.assert_array_equal(back.rotation, motion.rotation)
+    vectors["body"][:, 30:33] += 0.2  # the pelvis of an undertrained network
+    again = vectors_to_motion(vectors, "toy").positions
+    np.testing.assert_array_equal(again[:, UPPER55.root], 0)
+    np.testing.assert_array_equal(again, back.positions)
 
 
 def trained_regression(clip, steps):

@@ -30,8 +30,8 @@ def motion_to_vectors(motion):
 def vectors_to_motion(vectors, face_model=""):
     """Inverse of `motion_to_vectors`, with the pelvis at the origin, where a network puts it only nearly."""
     frames = len(vectors["body"])
-    body = vectors["body"][:, :-3].reshape(frames, -1, 3)
-    body = body - body[:, [UPPER55.root]]
+    body = vectors["body"][:, :-3].reshape(frames, -1, 3).copy()
+    body[:, UPPER55.root] = 0
     hands = vectors["hands"].reshape(frames, -1, 3) + body[:, WRISTS]
     positions = np.concatenate([body, hands], axis=1)
     return Motion(positions, vectors["body"][:, -3:], vectors.get("face"), face_model)
