@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from cospeech.clip import Clip
+from cospeech.face import COSPEECH64
 from cospeech.render.figure import BACKGROUND, Figure, framing
 from cospeech.render.raster import SAMPLES, Painter
 from cospeech.render.video import render_video
@@ -48,8 +49,11 @@ def best(function, times=30):
     return min(took) * 1000
 
 
-def opencv(camera, points, colors, triangles):
-    """The same mesh by cv2.triangleRasterize, as finely sampled and averaged."""
+def opencv(camera, points, bright, figure):
+    """The same mesh by cv2.triangleRasterize, as finely sampled and averaged; it wants a colour for each vertex."""
+    colors = np.zeros((len(points), 3), np.float32)
+    colors[figure.triangles] = figure.colors[:, None]
+    colors = np.clip(colors * bright[:, None], 0, 255)
     size = HEIGHT * SAMPLES, WIDTH * SAMPLES
     samples, depth = np.full((*size, 3), BACKGROUND[0] / 255, np.float32), np.full(size, 10, np.float32)
     view = np.eye(4, dtype=np.float32)
@@ -57,7 +61,7 @@ def opencv(camera, points, colors, triangles):
     view[:3, 3] = -camera.axes @ np.float32(camera.target) - [0, 0, camera.distance]
     settings = cv2.TriangleRasterizeSettings().setCullingMode(cv2.RASTERIZE_CULLING_CW)
     fov = 2 * np.arctan(HEIGHT / 2 / camera.focal)
-    cv2.triangleRasterize(points, triangles, colors / 255, samples, depth, view, fov, 0.1, 10.0, settings)
+    cv2.triangleRasterize(points, figure.triangles, colors / 255, samples, depth, view, fov, 0.1, 10.0, settings)
     return cv2.resize(cv2.convertScaleAbs(samples, alpha=255), (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
 
 
@@ -82,18 +86,20 @@ def main():
     positions = moving(FRAMES)
     figure = Figure(positions)
     camera = framing([figure], [positions], WIDTH, HEIGHT)
-    points, colors = figure.pose(positions[:1])
+    points, bright = figure.pose(positions[:1])
     picture, painter = np.full((HEIGHT, WIDTH, 3), BACKGROUND, np.uint8), Painter(camera)
-    ours = best(lambda: painter.draw(picture, points[0], colors[0], figure.triangles))
+    ours = best(lambda: painter.draw(picture, points[0], bright[0], figure.triangles, figure.colors))
     pose = best(lambda: figure.pose(positions[:64])) / 64
     print(f"{len(figure.triangles)} triangles at {WIDTH}x{HEIGHT}")
     print(f"pose the mesh                {pose:7.2f} ms a frame")
     print(f"draw it                      {ours:7.2f} ms")
-    other = best(lambda: opencv(camera, points[0], colors[0], figure.triangles), 10)
+    other = best(lambda: opencv(camera, points[0], bright[0], figure), 10)
     print(f"cv2.triangleRasterize        {other:7.2f} ms = {other / ours:.1f} times as long, without the shadow")
     lines = best(lambda: matplotlib_lines(positions[0]), 5)
     print(f"matplotlib, bones as lines   {lines:7.2f} ms = {lines / ours:.1f} times as long")
-    clip = Clip("bench", "take", FPS, positions, np.zeros((FRAMES, 28), np.float32))
+    restless = np.abs(np.random.default_rng(1).normal(0, 0.2, (FRAMES, len(COSPEECH64)))).astype(np.float32)
+    clip = Clip("bench", "take", FPS, positions, np.zeros((FRAMES, 28), np.float32), expression=restless,
+                rotation=np.zeros((FRAMES, 3), np.float32), face_model="cospeech64")  # fmt: skip
     sound = np.random.default_rng(0).normal(0, 0.1, round(clip.duration * 16000)).astype(np.float32), 16000
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.mp4"

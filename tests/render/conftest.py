@@ -6,6 +6,7 @@ import pytest
 from cospeech.clip import Clip, Words
 from cospeech.face import COSPEECH64
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55
+from tests.render.browser import Browser, chromium
 
 
 def standing():
@@ -31,6 +32,20 @@ def standing():
                 away = sign * 0.02 * (1.5 - spread), 0.03 * bone, 0.06 + 0.02 * bone
                 put(f"{side}_{finger}_{bone}", *(wrist + away))
     return pose
+
+
+def pytest_collection_modifyitems(items):
+    """Tests that need a browser are skipped on a machine without one."""
+    missing = pytest.mark.skipif(not chromium(), reason="no Chromium on this machine")
+    for item in items:
+        if "browser" in getattr(item, "fixturenames", ()):
+            item.add_marker(missing)
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    with Browser(tmp_path_factory.mktemp("profile"), (900, 560)) as browser:
+        yield browser
 
 
 @pytest.fixture

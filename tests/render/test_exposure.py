@@ -66,6 +66,11 @@ def test_the_command_and_its_mistakes(raised, tmp_path, capsys):
     out = tmp_path / "a.png"
     assert main(["render", str(tmp_path / "a.h5"), str(out), "--still", "0.2-1.5", "--poses", "3"]) == 0
     assert cv2.imread(str(out)).shape == (540, 960, 3)
+    standing = cv2.imread(str(out))
+    assert main(["render", str(tmp_path / "a.h5"), str(out), "--still", "0.2-1.5", "--posture", "sitting"]) == 0
+    assert (np.abs(standing.astype(int) - cv2.imread(str(out))).max(-1) > 40).mean() > 0.02
+    assert main(["render", str(tmp_path / "a.h5"), str(out), "--still", "1", "--face-model", "gone.h5"]) == 2
+    assert "gone.h5" in capsys.readouterr().err
     for still_at, line in (("soon", "expected seconds"), ("1-9", "lasts 2.00 s"), ("1.5-1", "no stretch")):
         assert main(["render", str(tmp_path / "a.h5"), str(out), "--still", still_at]) == 2
         told = capsys.readouterr().err

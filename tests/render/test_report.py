@@ -5,6 +5,7 @@ import math
 import re
 from html.parser import HTMLParser
 
+import h5py
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.evaluation.result import METRICS
 from cospeech.evaluation.tables import Summary
 from cospeech.files import put, writing_hdf5
-from cospeech.render.report import MEANING, write_report
+from cospeech.render.report import MEANING, side_by_side, write_report
 
 VOID = {"meta", "br", "img", "link", "input"}
 
@@ -130,6 +131,15 @@ def test_curves_show_every_loss_term(tmp_path, material):
     assert ">critic<" in picture and ">rec<" in picture and "<svg" in picture
 
 
+def test_a_learning_curve_is_shown_where_there_is_one(tmp_path, material):
+    path = material["histories"]["calm/resync"]
+    with h5py.File(path, "a") as file:
+        file["pck/step"], file["pck/wild"] = [10, 20], [40.0, 60.5]
+    write_report(tmp_path / "report.html", **material)
+    pictures = re.findall(r'alt="learning curve of calm/resync"', (tmp_path / "report.html").read_text())
+    assert len(pictures) == 1
+
+
 def test_same_input_same_bytes(tmp_path, material):
     for name in ("a.html", "b.html"):
         write_report(tmp_path / name, **material)
@@ -149,6 +159,60 @@ def test_missing_film_and_odd_benchmark(tmp_path, material):
     with pytest.warns(CospeechNotice, match=r"odd\.tsv"):
         write_report(tmp_path / "report.html", title="x", timings={"odd": tmp_path / "odd.tsv"})
     assert "Run times" not in Page(tmp_path / "report.html").text
+
+
+def write_table(path, *lines):
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_any_table_gets_a_section_with_its_caption(tmp_path):
+    """Deviations stand in their mean's cell, subjects get tables of their own, notes are said once."""
+    sync = write_table(tmp_path / "table_4_4.csv", "subject,frames,in_sync [%],fgd,fgd deviation,warning",
+                       "calm,64,81.234,1.23456,0.5,beware <b>", "lively,16,n/a,12.3456,n/a,beware <b>")  # fmt: skip
+    other = write_table(tmp_path / "table_9_1.csv", "row,lips [mm],lips deviation [mm],seeds", "mean_pose,3.456,0.11,3")
+    empty = write_table(tmp_path / "empty.csv", "a,b")
+    captions = {"table_9_1": {"title": "Lips & teeth", "about": "How *far* off; `random` is <1>."}, "gone": {}}
+    write_report(tmp_path / "r.html", title="x", tables=[sync, empty, other], captions=captions)
+    page = Page(tmp_path / "r.html")
+    assert page.values("a", "href") == ["#lips-teeth", "#table-4-4"]
+    assert "How far off; random is <1>." in page.text and page.text.count("beware <b>") == 1
+    assert page.rows == [["row\xa0", "lipsmm", "seeds\xa0"], ["mean pose", "3.46 ± 0.11", "3"],
+                         ["frames\xa0", "in sync%", "fgd\xa0"], ["64", "81.2", "1.23 ± 0.50"],
+                         ["frames\xa0", "in sync%", "fgd\xa0"], ["16", "n/a", "12.3"]]  # fmt: skip
+
+
+def test_a_table_may_be_drawn_as_curves(tmp_path):
+    learnt = write_table(tmp_path / "curve.csv", "step,part,pck [%],pck deviation [%]", "0,body,10,1", "50,body,80,2",
+                         "0,hand,20,1", "50,hand,n/a,n/a")  # fmt: skip
+    write_report(tmp_path / "r.html", title="x", tables=[learnt], captions={"curve": {"curve": "step"}})
+    (source,) = Page(tmp_path / "r.html").values("img", "src")
+    picture = base64.b64decode(source.removeprefix("data:image/svg+xml;base64,")).decode()
+    assert all(f">{text}<" in picture for text in ("body", "hand", "step", "pck [%]"))
+    assert "deviation" not in picture
+    with pytest.raises(CospeechError, match=r"curve\.csv: no column 'iterations' to draw over; it has step, part"):
+        write_report(tmp_path / "r.html", title="x", tables=[learnt], captions={"curve": {"curve": "iterations"}})
+    write_table(learnt, "a,b", "1,2", "3")
+    with pytest.raises(CospeechError, match=r"curve\.csv: line 3 has 1 cells for 2 headings"):
+        write_report(tmp_path / "r.html", title="x", tables=[learnt])
+
+
+def test_players_stand_in_the_page_and_run(tmp_path, make_clip, browser):
+    generated, other = make_clip(), make_clip()
+    generated.generator, other.subject = "resync", "berta"
+    paths = [tmp_path / f"{name}.h5" for name in "abc"]
+    for path, clip in zip(paths, (make_clip(), other, generated), strict=True):
+        clip.write(path)
+    tone = 0.1 * np.sin(np.arange(32000) / 9).astype(np.float32), 16000
+    write_report(tmp_path / "r.html", title="x", players=side_by_side(paths, [tone, tone]))
+    page = Page(tmp_path / "r.html")
+    assert page.values("a", "href") == ["#side-by-side"] and "http" not in page.text
+    browser.open(tmp_path / "r.html")
+    browser.wait("document.querySelectorAll('.player canvas').length === 3")
+    titles = browser.run("[...document.querySelectorAll('.player')].map((each) => "
+                         "[...each.querySelectorAll('figcaption')].map((title) => title.textContent))")  # fmt: skip
+    assert titles == [["recorded", "resync"], ["recorded"]]
+    browser.wait("[...document.querySelectorAll('.player button')].every((button) => !button.disabled)")
 
 
 def test_every_column_is_explained():

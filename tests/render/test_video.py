@@ -116,14 +116,14 @@ def test_shorter_clips_hold_their_last_pose(tmp_path, make_clip):
     )
     frames = np.stack(frames_of(tmp_path / "film.mp4")).astype(int)
     assert len(frames) == 60
-    assert np.abs(frames[30, :, 165:] - frames[50, :, 165:]).max() < 25
+    assert np.abs(frames[30, :, 165:] - frames[50, :, 165:]).max() < 35
     assert np.abs(frames[30, :, :155] - frames[50, :, :155]).max() > 60
 
 
 def test_between_frames_the_motion_is_interpolated(make_clip):
     clip = make_clip(10)
     clip.rotation[:, 1] = np.arange(10) * 0.2
-    positions, rotation, expression = _sampled(clip, np.array([0.0, 2.5 / 15, 9 / 15, 99.0]))
+    positions, rotation, expression = _sampled(clip, np.array([0.0, 2.5 / 15, 9 / 15, 99.0]), clip.expression)
     np.testing.assert_allclose(positions[1], (clip.positions[2] + clip.positions[3]) / 2, atol=1e-6)
     np.testing.assert_allclose(expression[1], (clip.expression[2] + clip.expression[3]) / 2, atol=1e-6)
     np.testing.assert_allclose(rotation[:, 1], [0, 0.5, 1.8, 1.8], atol=1e-6)

@@ -13,7 +13,7 @@ with job():
     from cospeech.evaluation.control import ControlStudy, control_rows
     from cospeech.evaluation.tables import read_evaluations, summarise
     from cospeech.evaluation.variants import ordered
-    from cospeech.render.report import write_report
+    from cospeech.render.report import side_by_side, write_report
 
     results, facts = Path(snakemake.output[0]).parent, snakemake.params.facts
     name = lambda path, folder: str(Path(path).relative_to(results / folder).with_suffix(""))  # noqa: E731
@@ -22,9 +22,12 @@ with job():
     write_report(
         snakemake.output[0],
         title="Gestures for speech: " + ", ".join(facts["subjects"]),
+        players=side_by_side(snakemake.input.shown, snakemake.input.sounds),
         evaluation=summarise(read_evaluations(snakemake.input.evaluations)),
         control=[row for study in studies for row in control_rows(study)],
         variants=summarise(ordered(read_evaluations(compared))) if compared else (),
+        tables=snakemake.input.tables,
+        captions=yaml.safe_load(Path(snakemake.input.captions).read_text(encoding="utf-8")),
         figures=[(name(path, "figures"), path) for path in snakemake.input.curves],
         histories={" ".join(Path(path).parts[-4:-1]): path for path in snakemake.input.histories},
         videos=[(name(path, ""), path) for path in snakemake.input.videos],

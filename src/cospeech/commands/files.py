@@ -18,6 +18,10 @@ def add(commands):
     render.add_argument("--still", metavar="SECONDS", help="one picture: of a moment, as in 3.2, or of a stretch, as "
         "in 2.0-4.5, whose poses lie over each other like a long exposure")  # fmt: skip
     render.add_argument("--poses", type=int, default=6, help="how many poses a long exposure shows (default: 6)")
+    render.add_argument("--posture", choices=["standing", "sitting", "none"], default="standing",
+                        help="of the legs, which clips do not have (default: standing)")  # fmt: skip
+    render.add_argument("--whole", action="store_true", help="show a standing character down to the floor")
+    render.add_argument("--face-model", metavar="FILE", help="the face model whose coefficients the clips have")
     render.set_defaults(run=_render)
     info = commands.add_parser("info", help="say what a file of this project holds", description=_info.__doc__)
     info.add_argument("file", help="any .h5 or .safetensors file of this project")
@@ -40,14 +44,15 @@ def _render(options):
 
     clips = [Clip.read(path) for path in options.clips]
     panels = [(f"{clip.subject} · {clip.generator or 'recorded'}", clip) for clip in clips]
+    character = {"posture": options.posture, "whole": options.whole or None, "face": options.face_model}
     if options.still:
-        long_exposure(options.out, panels, *_stretch(options.still), poses=options.poses)
+        long_exposure(options.out, panels, *_stretch(options.still), poses=options.poses, **character)
         return
     sound = options.audio
     if not sound and clips[0].audio:
         own = Path(options.clips[0]).parent / clips[0].audio
         sound = str(own) if own.is_file() else None
-    render_video(options.out, panels, audio=sound)
+    render_video(options.out, panels, audio=sound, **character)
 
 
 def _stretch(text):

@@ -8,7 +8,7 @@ from pathlib import Path
 from cospeech.evaluation.control import BEFORE
 
 COLUMNS = ("control", "model", "threshold", "mean ± deviation", "kept", "change", "unconstrained", "kept")
-MODELS = {"knn": "k-NN", "resync": "k-NN + cGAN"}
+MODELS = {"knn": "k-NN", "resync": "k-NN + cGAN", "moglow": "MoGlow"}
 
 
 def control_section(rows, figures):

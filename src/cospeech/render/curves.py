@@ -14,8 +14,8 @@ PANELS = (
     ("left_wrist_speed", "slow"),
 )  # fmt: skip
 TITLES = {"left_wrist_height": "left wrist height", "left_wrist_speed": "left wrist speed"}
-COLOURS = {"knn": "#2f6fae", "resync": "#d9822b", FREE: "#9aa2ab"}
-NAMES = {"knn": "k-NN", "resync": "k-NN + cGAN", FREE: "k-NN, unconstrained"}
+COLOURS = {"knn": "#2f6fae", "resync": "#d9822b", "moglow": "#3b8f5a", FREE: "#9aa2ab"}
+NAMES = {"knn": "k-NN", "resync": "k-NN + cGAN", "moglow": "MoGlow", FREE: "k-NN, unconstrained"}
 SUFFIXES = (".png", ".svg")
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.files import writing
-from cospeech.render.figure import BACKGROUND, FADE, LEFT_SLEEVE, RIGHT_SLEEVE, Figure, framing
-from cospeech.render.raster import SHADOW, Painter, fade_out
-from cospeech.render.video import _check, _empty_picture, _sampled
+from cospeech.render.figure import LEFT_SLEEVE, RIGHT_SLEEVE
+from cospeech.render.raster import SHADOW
+from cospeech.render.video import Stage, _check, _sampled
 from cospeech.skeleton import UPPER55
 
 FAINTEST, STRONGEST = 0.16, 0.42  # opacity of the first pose and of the last but one; the last is solid
@@ -18,7 +18,7 @@ PATHS = {"right_wrist": RIGHT_SLEEVE, "left_wrist": LEFT_SLEEVE}
 STEPS = 60  # a second, of the wrists' paths
 
 
-def long_exposure(path, panels, start, end=None, poses=6, size=(960, 540), paths=True):
+def long_exposure(path, panels, start, end=None, poses=6, size=(960, 540), paths=True, **character):
     """Write one picture (`.png`) of a stretch of motion: some of its poses laid over each other.
 
     Parameters
@@ -27,6 +27,7 @@ def long_exposure(path, panels, start, end=None, poses=6, size=(960, 540), paths
     start, end : seconds; without `end` it is a plain still of one pose.
     poses : how many, evenly spread from start to end; the earlier, the fainter.
     size : (width, height) in even pixels of the whole picture.
+    character : as of `render_video`.
     paths : whether the wrists' paths are drawn, thin where the stretch begins and thick where it ends.
     """
     path = Path(path)
@@ -38,32 +39,27 @@ def long_exposure(path, panels, start, end=None, poses=6, size=(960, 540), paths
     if poses < 1:
         raise CospeechError(f"{path}: {poses} poses; expected 1 or more")
     times = np.linspace(end, start, poses if end > start else 1)[::-1]
-    columns = len(panels) if len(panels) <= 3 else -(-len(panels) // 2)
-    width, height = size[0] // columns, size[1] // -(-len(panels) // columns)
-    corners = [(i % columns * width, i // columns * height) for i in range(len(panels))]
-    figures = [Figure(clip.positions, clip.face_model) for _, clip in panels]
-    painter = Painter(framing(figures, [clip.positions for _, clip in panels], width, height))
-    picture = _empty_picture([title for title, _ in panels], corners, size, width, height)
-    for (left, top), figure, (_, clip) in zip(corners, figures, panels, strict=True):
-        area = picture[top : top + height, left : left + width]
-        _expose(area, painter, figure, clip, times)
+    stage = Stage(panels, size, **character)
+    picture = stage.empty.copy()
+    for area, figure, clip, expression in stage.areas(picture):
+        _expose(area, stage.painter, figure, _sampled(clip, times, expression))
         if paths and end > start:
-            _trace(area, painter.camera, clip, start, end)
-        fade_out(area, round(FADE * height), BACKGROUND)
+            _trace(area, stage.painter.camera, clip, start, end)
+        stage.fade(area)
     with writing(path) as temporary:
         temporary.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
 
 
-def _expose(area, painter, figure, clip, times):
-    """Lay the poses of `times` over each other in `area` (H, W, 3), in place; only the last casts a shadow."""
-    points, colors = figure.pose(*_sampled(clip, times))
-    for part, place, color in zip(np.linspace(FAINTEST, STRONGEST, len(times) - 1), points, colors, strict=False):
+def _expose(area, painter, figure, motion):
+    """Lay the poses of `motion` over each other in `area` (H, W, 3), in place; only the last casts a shadow."""
+    points, bright = figure.pose(*motion)
+    for part, place, light in zip(np.linspace(FAINTEST, STRONGEST, len(points) - 1), points, bright, strict=False):
         drawn, mask = area.copy(), np.full_like(area, 255)
-        painter.draw(drawn, place, color, figure.triangles)
-        painter.draw(mask, place, np.zeros_like(color), figure.triangles)  # black on a white wall
+        painter.draw(drawn, place, light, figure.triangles, figure.colors)
+        painter.draw(mask, place, np.zeros_like(light), figure.triangles, figure.colors)  # black on a white wall
         cover = part * np.clip(1 - mask / (255 * (1 - SHADOW)), 0, 1)  # the shadow on the wall does not count
         area[:] = np.rint(area * (1 - cover) + drawn * cover)
-    painter.draw(area, points[-1], colors[-1], figure.triangles)
+    painter.draw(area, points[-1], bright[-1], figure.triangles, figure.colors)
 
 
 def _trace(area, camera, clip, start, end):

@@ -1,20 +1,24 @@
-"""The character: 55 joints, a head rotation and a face become a shaded upper body, as a mesh posed for many frames."""
+"""The character: 55 joints, a head rotation and a face become a shaded body, as a mesh posed for many frames."""
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
+from cospeech.capture.face_model import embedded
 from cospeech.render.head import HEIGHT, Head
-from cospeech.render.mesh import capsule_template, capsules, grid_triangles, rings, unit
+from cospeech.render.lower import SHOE, ankles, check_posture, legs, props
+from cospeech.render.mesh import capsule_template, capsules, grid_triangles, rings, unit, vertex_normals
 from cospeech.render.raster import Camera
 from cospeech.skeleton import UPPER55
 
 # Colours in OpenCV's order blue, green, red. The character's right is warm, its left is cool, the trunk neutral.
-SKIN, SHIRT, TROUSERS = (168, 190, 226), (112, 98, 88), (92, 80, 72)
+SKIN, NECK, SHIRT, TROUSERS = (168, 190, 226), (152, 173, 208), (112, 98, 88), (92, 80, 72)
 RIGHT_SLEEVE, RIGHT_HAND = (70, 128, 222), (138, 184, 240)
 LEFT_SLEEVE, LEFT_HAND = (190, 130, 58), (224, 190, 140)
 BACKGROUND = (244, 242, 240)
-TITLE, FADE = 0.10, 0.13  # shares of the picture's height: kept free above the head, faded out at the bottom
+# Shares of the picture's height: kept free above the head, faded out at the bottom, kept free below the floor.
+TITLE, FADE, SUBTITLE = 0.10, 0.13, 0.09
 
 LIGHT = unit(np.float32([0.45, 0.75, 0.65]))
 FINGERS = ("thumb", "index", "middle", "ring", "little")
@@ -43,14 +47,17 @@ class Limb:
     sides: int = 12
 
 
-def _limbs():
-    """Every capsule of the figure; points that are no joints are derived in `Figure.pose`."""
-    yield Limb("collar", "head_base", (0.056, 0.050), SKIN, SIDES)
+def _limbs(posture):
+    """Every capsule of the figure; points that are no joints are derived in `Figure.skeleton`."""
+    yield Limb("collar", "head_base", (0.052, 0.050), NECK, SIDES)
     for side, sleeve, hand in (("right", RIGHT_SLEEVE, RIGHT_HAND), ("left", LEFT_SLEEVE, LEFT_HAND)):
         yield Limb("nape", f"{side}_shoulder", (0.052, 0.050), SHIRT)
         yield Limb(f"{side}_shoulder", f"{side}_elbow", (0.058, 0.043), sleeve)
         yield Limb(f"{side}_elbow", f"{side}_wrist", (0.043, 0.030), sleeve)
-        yield Limb(f"{side}_leg", f"{side}_knee", (0.076, 0.056), TROUSERS)
+        if posture != "none":
+            yield Limb(f"{side}_hip", f"{side}_knee", (0.077, 0.060), TROUSERS)
+            yield Limb(f"{side}_knee", f"{side}_ankle", (0.058, 0.042), TROUSERS)
+            yield Limb(f"{side}_ankle", f"{side}_toe", (0.044, 0.034), SHOE)
         for finger in FINGERS:
             palm, *thick = (0.016, 0.0135, 0.012, 0.0105, 0.009) if finger == "thumb" else (
                 0.017, 0.0122, 0.0105, 0.0092, 0.0078)  # fmt: skip
@@ -63,61 +70,83 @@ def _limbs():
 class Figure:
     """The mesh of one character, sized from its own bones.
 
-    Parameters: positions (T, 55, 3) of the clip to be drawn, from which sizes are taken (medians over time);
-    face_model names the meaning of the expression coefficients ("" for none).
+    Parameters: positions (T, 55, 3) of the clip to be drawn, from which sizes are taken (medians over time); face, a
+    FaceModel (the embedded one by default); posture of the legs, of which clips have none: standing, sitting or none.
 
-    Attributes: triangles (F, 3) int32; colors (V, 3) float32 unlit blue, green, red 0..255; scale, 1 for a trunk of
-    0.5 m from pelvis to shoulders.
+    Attributes: triangles (F, 3) int32; colors (F, 3) float32 unlit blue, green, red 0..255, of each triangle; scale, 1
+    for a trunk of 0.5 m from pelvis to shoulders; props (P, 3) metres, what stands around and never moves. Vertices
+    stand in the order limbs (by their sides), trunk, head, props.
     """
 
-    def __init__(self, positions, face_model=""):
+    def __init__(self, positions, face=None, posture="standing"):
+        check_posture(posture)
         joints = _joints(positions)
         trunk = np.median(np.linalg.norm(joints["collar"] - joints["pelvis"], axis=-1))
         self.scale = float(np.clip(trunk / 0.5, 0.4, 2.5))
+        self.posture, self.feet = posture, {} if posture == "none" else ankles(joints, self.scale, posture)
         self.chest = self._breadth(joints, "shoulder", 0.05, 0.23)
         self.hips = self._breadth(joints, "hip", 0.07, 0.16)
-        self.head = Head(face_model, SKIN)
-        self.limbs = {sides: [limb for limb in _limbs() if limb.sides == sides] for sides in (SIDES, 12, 8)}
+        self.head = Head(face or embedded(), SKIN)
+        self.limbs = {n: [limb for limb in _limbs(posture) if limb.sides == n] for n in (SIDES, 12, 8)}
         self.templates = {sides: capsule_template(sides) for sides in self.limbs}
-        pieces = [(self.templates[sides][2], np.tile(limb.color, (len(self.templates[sides][0]), 1)))
+        around = props(self.feet, self.scale, posture) if self.feet else []
+        self.props = np.concatenate([np.zeros((0, 3)), *(points for points, *_ in around)]).astype(np.float32)
+        pieces = [(len(self.templates[sides][0]), self.templates[sides][2], limb.color)
                   for sides, limbs in self.limbs.items() for limb in limbs]  # fmt: skip
-        for table, color in ((TROUSER_RINGS, TROUSERS), (SHIRT_RINGS, SHIRT)):
-            pieces.append((grid_triangles(len(table), SIDES), np.tile(color, (len(table) * SIDES, 1))))
-        pieces.append((self.head.triangles, self.head.colors))
-        starts = np.cumsum([0, *(len(colors) for _, colors in pieces)])
-        self.triangles = np.concatenate([piece[0] + start for piece, start in zip(pieces, starts, strict=False)])
-        self.colors = np.concatenate([colors for _, colors in pieces]).astype(np.float32)
+        pieces += [(len(table) * SIDES, grid_triangles(len(table), SIDES), color)
+                   for table, color in ((TROUSER_RINGS, TROUSERS), (SHIRT_RINGS, SHIRT))]  # fmt: skip
+        pieces.append((len(self.head.mean), self.head.triangles, self.head.colors))
+        pieces += [(len(points), triangles, color) for points, triangles, color in around]
+        starts = np.cumsum([0, *(count for count, *_ in pieces)])
+        self.triangles = np.concatenate([piece[1] + start for piece, start in zip(pieces, starts, strict=False)])
+        self.colors = np.concatenate([np.broadcast_to(color, triangles.shape) for _, triangles, color in pieces])
+        self.triangles, self.colors = self.triangles.astype(np.int32), self.colors.astype(np.float32)
+        self._still = self.props, vertex_normals(self.props[None], self._triangles_of_props(around))[0]
+
+    @staticmethod
+    def _triangles_of_props(around):
+        starts = np.cumsum([0, *(len(points) for points, *_ in around)])
+        found = [triangles + start for (_, triangles, _), start in zip(around, starts, strict=False)]
+        return np.concatenate([np.zeros((0, 3), np.int32), *found]).astype(np.int32)
 
     def _breadth(self, joints, pair, beyond, usual):
         """Half the distance of a pair of joints, `beyond` metres added, as a multiple of the `usual` one."""
         across = np.median(np.linalg.norm(joints[f"left_{pair}"] - joints[f"right_{pair}"], axis=-1))
         return float(np.clip((across / 2 / self.scale + beyond) / usual, 0.75, 1.4))
 
-    def pose(self, positions, rotation=None, expression=None):
-        """Points (T, V, 3) metres and lit colours (T, V, 3) of T frames.
+    def skeleton(self, positions, rotation=None):
+        """{name: (T, 3)} of joints and derived points, `head_center` among them, and the head's axes (T, 3, 3).
 
-        positions (T, 55, 3); rotation (T, 3) axis-angle of the head or None (taken from head and shoulders);
-        expression (T, E) or None (neutral).
+        positions (T, 55, 3); rotation (T, 3) axis-angle of the head or None (taken from head and shoulders).
         """
         joints = _joints(np.asarray(positions, np.float32))
-        for side in ("left", "right"):
-            joints[f"{side}_leg"] = joints[f"{side}_hip"] + np.float32([0, -0.05, 0]) * self.scale
-            joints[f"{side}_knee"] = joints[f"{side}_hip"] + np.float32([0, -0.60, 0.05]) * self.scale
         joints["nape"] = joints["collar"] + unit(joints["collar"] - joints["pelvis"]) * (0.022 * self.scale)
-        center, axes = self.head.place(joints, rotation, self.scale)
-        joints["head_base"] = center + axes @ (self.scale * np.float32([0, -0.05, -0.02]))
+        joints["head_center"], axes = self.head.place(joints, rotation, self.scale)
+        joints["head_base"] = joints["head_center"] + axes @ (self.scale * np.float32([0, -0.045, -0.022]))
+        return joints | (legs(joints, self.scale, self.posture, self.feet) if self.feet else {}), axes
+
+    def pose(self, positions, rotation=None, expression=None):
+        """Points (T, V, 3) metres and their brightness (T, V) of T frames, 1 where colours are as they are.
+
+        positions and rotation as in `skeleton`; expression (T, E) or None (neutral).
+        """
+        joints, axes = self.skeleton(positions, rotation)
         parts = []
         for sides, limbs in self.limbs.items():
             starts, ends = (np.stack([joints[getattr(limb, end)] for limb in limbs], 1) for end in ("start", "end"))
             radii = np.array([limb.radii for limb in limbs], np.float32) * self.scale
             parts.append(capsules(starts, ends, radii[:, 0], radii[:, 1], self.templates[sides]))
-        parts += [self._trunk(joints, table) for table in (TROUSER_RINGS, SHIRT_RINGS)]
-        parts.append(self.head.pose(center, axes, self.scale, expression))
-        points = np.concatenate([part[0] for part in parts], 1).astype(np.float32)
-        lit = self.colors * _shade(np.concatenate([part[1] for part in parts], 1))[..., None]
-        return points, np.clip(lit, 0, 255).astype(np.float32)
+        parts += self.trunk(joints)
+        parts.append(self.head.pose(joints["head_center"], axes, self.scale, expression))
+        parts.append([np.broadcast_to(still, (len(axes), *still.shape)) for still in self._still])
+        points, normals = (np.concatenate([part[i] for part in parts], 1, dtype=np.float32) for i in (0, 1))
+        return points, _shade(normals, LIGHT)
 
-    def _trunk(self, joints, table):
+    def trunk(self, joints):
+        """[(points, normals)], each (T, n, 3), of trousers and shirt."""
+        return [self._rings(joints, table) for table in (TROUSER_RINGS, SHIRT_RINGS)]
+
+    def _rings(self, joints, table):
         """Points and normals of rings from the hips over the spine to the collar; `table` as SHIRT_RINGS."""
         low, middle, high = joints["pelvis"], joints["spine"], joints["collar"]
         height, width, depth = table.T
@@ -144,19 +173,26 @@ def _joints(positions):
     return joints
 
 
-def _shade(normals):
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def _shade(normals, light):
     """Brightness (T, V) of surfaces: a soft key light from above the viewer's right, darker towards the outline."""
-    key = np.clip(normals @ LIGHT, -1, 1)
-    facing = np.clip(normals[..., 2], 0, 1)
-    return 0.58 + 0.26 * key + 0.22 * facing + 0.10 * np.clip(key, 0, 1) ** 8
+    bright = np.empty(normals.shape[:2], np.float32)
+    for t in range(normals.shape[0]):
+        for v in range(normals.shape[1]):
+            n = normals[t, v]
+            key, facing = n[0] * light[0] + n[1] * light[1] + n[2] * light[2], max(n[2], np.float32(0))
+            gleam = max(key, np.float32(0)) ** 2
+            gleam = gleam * gleam * gleam * gleam
+            bright[t, v] = np.float32(0.58) + np.float32(0.26) * key + np.float32(0.22) * facing + gleam / 10
+    return bright
 
 
-def framing(figures, motions, width, height):
+def framing(figures, motions, width, height, whole=False):
     """One camera for all panels of width x height pixels, so that they compare: it sees every joint of every frame.
 
     figures and motions, the (T, 55, 3) positions they show, in the same order. The pelvis stands in the middle; there
-    is room for the title above the head and for the fade below the lowest hand. Joints farther off than arms reach,
-    as failed tracking has them, do not count.
+    is room for the title above the head and for the fade below the lowest hand; or, of the `whole` character, for all
+    down to the floor. Joints farther off than arms reach, as failed tracking has them, do not count.
     """
     points = []
     for figure, positions in zip(figures, motions, strict=True):
@@ -164,4 +200,5 @@ def framing(figures, motions, width, height):
         points.append(np.clip(positions.reshape(-1, 3), *reach))
         crown = positions[:, UPPER55.index["neck"]] + np.array([0, 1.15 * HEIGHT * figure.scale, 0])
         points += [np.clip(crown, *reach), np.array([[0.3, -0.12, 0.0]]) * figure.scale]
-    return Camera.containing(np.concatenate(points), width, height, TITLE, FADE)
+        points += [figure.props] if whole and len(figure.props) else []
+    return Camera.containing(np.concatenate(points), width, height, TITLE, SUBTITLE if whole else FADE)

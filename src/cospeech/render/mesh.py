@@ -1,5 +1,6 @@
-"""Meshes the figure is built of: tapered capsules, lofted rings, face-plane patches. All posed for T frames at once."""
+"""Meshes the figure is built of: tapered capsules, lofted rings, ellipsoids. All posed for T frames at once."""
 
+import numba
 import numpy as np
 
 
@@ -58,15 +59,38 @@ def rings(centers, left, forward, widths, depths, segments, power=2.4):
     return points.reshape(len(points), -1, 3), normals.reshape(len(points), -1, 3)
 
 
-def strip_triangles(count, start=0):
-    """Triangles of a band between two lines of `count` points, the first line above, both from right to left.
-
-    Right to left means from the character's right to its left: towards +x.
-    """
-    return grid_triangles(2, count, closed=False, start=start)[:, ::-1].copy()
+def grid_strips(rows, columns):
+    """Triangles of bands between lines of points, the first line above, each from the character's right to its left."""
+    return grid_triangles(rows, columns, closed=False)[:, ::-1].copy()
 
 
-def fan_triangles(count, start=0):
-    """Triangles of a polygon whose centre comes first, at `start`, then `count` outline points, clockwise."""
-    around = np.arange(count)
-    return (np.stack([np.zeros(count, int), (around + 1) % count + 1, around + 1], -1) + start).astype(np.int32)
+def ellipsoid(half, rows, columns):
+    """Points (rows * columns, 3) about the origin, with half axes (3,), and triangles."""
+    latitude = np.linspace(-0.5, 0.5, rows)[:, None] * np.pi
+    angle = -np.arange(columns) * 2 * np.pi / columns
+    directions = np.stack(np.broadcast_arrays(
+        np.cos(latitude) * np.cos(angle), np.sin(latitude), np.cos(latitude) * np.sin(angle)), -1)  # fmt: skip
+    return directions.reshape(-1, 3) * half, grid_triangles(rows, columns)
+
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True)
+def vertex_normals(points, triangles):
+    """Unit normals (T, V, 3) float32 of meshes (T, V, 3): the sums of those of the triangles around, by their area."""
+    normals = np.zeros(points.shape, np.float32)
+    for t in range(points.shape[0]):
+        p, n = points[t], normals[t]
+        for f in range(triangles.shape[0]):
+            a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+            ux, uy, uz = p[b, 0] - p[a, 0], p[b, 1] - p[a, 1], p[b, 2] - p[a, 2]
+            vx, vy, vz = p[c, 0] - p[a, 0], p[c, 1] - p[a, 1], p[c, 2] - p[a, 2]
+            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            for v in (a, b, c):
+                n[v, 0] += x
+                n[v, 1] += y
+                n[v, 2] += z
+        for v in range(n.shape[0]):
+            length = np.float32(1) / max(np.sqrt(n[v, 0] ** 2 + n[v, 1] ** 2 + n[v, 2] ** 2), np.float32(1e-12))
+            n[v, 0] *= length
+            n[v, 1] *= length
+            n[v, 2] *= length
+    return normals

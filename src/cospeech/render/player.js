@@ -32,13 +32,13 @@ class CospeechPlayer extends EventTarget {
    * Shows `data` (what render/player.py, player_data, returns) inside `element`, as large as it is.
    *
    * options: controls (true) shows the bar; once (false) lets the whole be played a single time, without jumping;
-   * keys, the element or document whose keys are heard (the player itself).
+   * wheel (true) comes nearer with the mouse wheel; keys, the element or document whose keys are heard (the player itself).
    * Events: ready, play, pause, ended, error. `ready` is also a promise.
    */
   constructor(element, data, options = {}) {
     super();
     this.data = data;
-    this.options = { controls: true, once: false, keys: null, ...options };
+    this.options = { controls: true, once: false, wheel: true, keys: null, ...options };
     this.finished = false;
     this.density = DENSITIES.length - 1;
     this.drawn = 0;  // rounds of pictures so far, and the milliseconds they took
@@ -206,7 +206,7 @@ class CospeechPlayer extends EventTarget {
       }
       this.redraw();
     });
-    canvas.addEventListener("wheel", (event) => {
+    if (this.options.wheel) canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.camera.approach(Math.exp(-event.deltaY * 0.0012));
       this.redraw();

@@ -19,11 +19,11 @@ from cospeech.errors import CospeechError
 from cospeech.files import writing
 from cospeech.render.figure import BACKGROUND, FADE, LIGHT, TITLE
 from cospeech.render.head import HEIGHT
-from cospeech.render.puppet import JOINTS, STANCES, STEP, limbs_of, make_puppets, props
+from cospeech.render.puppet import JOINTS, STEP, make_puppets
 from cospeech.render.video import SOUND_RATE, _captions, _encode_sound, _sound
 from cospeech.skeleton import UPPER55
 
-VERSION = 1  # of the data that the scripts understand
+VERSION = 2  # of the data that the scripts understand
 BIT_RATE = 64000  # of the sound, one channel
 WEIGHT_STEP = 1e-4  # in units of the character: weights of shapes are rounded to it
 PITCH, VIEW = 0.07, 0.42  # radians: how far the camera looks down, and its vertical angle of view
@@ -40,7 +40,7 @@ def write_player(path, panels, audio=None, **options):
         temporary.write_text(page, encoding="utf-8")
 
 
-def player_html(panels, audio=None, title="", lower="standing", subtitles=True):
+def player_html(panels, audio=None, title="", posture="standing", subtitles=True, face=None):
     """The whole page as a string: scripts, motion and sound inside it, nothing asked from a network.
 
     Parameters
@@ -48,12 +48,13 @@ def player_html(panels, audio=None, title="", lower="standing", subtitles=True):
     panels : list of (title, Clip), any number of them; all share one camera and one clock.
     audio : (samples (N,) float32 mono, rate), the path of a sound file, or None for silence.
     title : of the page; by default the panels' titles.
-    lower : the legs that the clips do not have: "standing", "sitting" or "none".
+    posture : of the legs, which clips do not have: "standing", "sitting" or "none".
     subtitles : whether the words of the first clip that has any are shown.
+    face : a FaceModel or the file of one, whose coefficients the clips have; by default the embedded one.
 
     Same input, same bytes.
     """
-    data = player_data(panels, audio, lower=lower, subtitles=subtitles)
+    data = player_data(panels, audio, posture, subtitles, face)
     page = (files("cospeech.render") / "player.html").read_text(encoding="utf-8")
     parts = {"TITLE": escape(title or " · ".join(str(name) for name, _ in panels)), "SCRIPT": player_script(),
              "DATA": embedded(data)}  # fmt: skip
@@ -71,25 +72,23 @@ def embedded(data):
     return json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def player_data(panels, audio=None, lower="standing", subtitles=True):
+def player_data(panels, audio=None, posture="standing", subtitles=True, face=None):
     """What one player shows, as a dict for JSON: `new CospeechPlayer(element, data)`. Arguments as `player_html`."""
     if not panels:
         raise CospeechError("player: no clip to show; give at least one")
-    if lower not in (*STANCES, "none"):
-        raise CospeechError(f"player: lower body {lower!r}; expected {', '.join(STANCES)} or none")
     clips = [clip.validate() for _, clip in panels]
-    figures, puppets, shapes = make_puppets(clips, lower)
+    figures, puppets, shapes = make_puppets(clips, posture, face)
     duration, sound = _length(clips, _sound(audio))
     spoken = next((clip.words for clip in clips if subtitles and len(clip.words)), None)
     captions = [] if spoken is None else [[round(a, 3), round(b, 3), text] for a, b, text in _captions(spoken)]
-    arrays = _mesh(figures[0], puppets[0], shapes, lower)
+    arrays = _mesh(figures[0], shapes)
     steps = _motion(arrays, puppets, shapes)
     meta, blob = pack(arrays)
     return {
-        "version": VERSION, "duration": duration, "lower": lower, "captions": captions, "arrays": meta,
+        "version": VERSION, "duration": duration, "posture": posture, "captions": captions, "arrays": meta,
         "panels": [{"title": str(name), "frames": clip.frames, "fps": float(clip.fps), "scale": figure.scale}
                    for (name, clip), figure in zip(panels, figures, strict=True)],
-        "limbs": _limbs(figures[0], lower), "headHeight": HEIGHT, "joints": list(JOINTS), "light": LIGHT.tolist(),
+        "limbs": _limbs(figures[0]), "joints": list(JOINTS), "light": LIGHT.tolist(),
         "background": list(BACKGROUND[::-1]), "camera": _camera(puppets), **steps,
         "blob": base64.b64encode(blob).decode(), "audio": _encoded(sound, duration),
     }  # fmt: skip
@@ -107,35 +106,22 @@ def _length(clips, sound):
 # ------------------------------------------------------------------------------------------------------------- arrays
 
 
-def _limbs(figure, lower):
+def _limbs(figure):
     """[[sides, [[start joint, end joint, radius, radius], ...]], ...]; radii in units of the character."""
     return [[sides, [[JOINTS.index(limb.start), JOINTS.index(limb.end), *limb.radii] for limb in group]]
-            for sides, group in limbs_of(figure, lower != "none").items()]  # fmt: skip
+            for sides, group in figure.limbs.items()]  # fmt: skip
 
 
-def _mesh(figure, puppet, shapes, lower):
+def _mesh(figure, shapes):
     """{name: array}: the triangles of one character, their colours, and what its vertices are made of.
 
-    Vertices stand in the order limbs (by sides), trunk, head, props; a panel differs from another in its motion alone.
+    Vertices stand in the order of `Figure`; a panel differs from another in its motion alone.
     """
-    arrays, pieces, start = {}, [], 0
-    for sides, group in limbs_of(figure, lower != "none").items():
-        directions, end, triangles = figure.templates[sides]
+    arrays = {"props": np.float32(figure.props / figure.scale)}
+    for sides, (directions, end, _) in figure.templates.items():
         arrays |= {f"directions{sides}": np.float32(directions), f"end{sides}": end.astype(np.uint8)}
-        pieces += [(triangles, np.tile(limb.color, (len(directions), 1))) for limb in group]
-    drawn = sum(len(figure.templates[sides][0]) * len(group) for sides, group in figure.limbs.items())
-    rest = figure.triangles[(figure.triangles >= drawn).all(1)] - drawn  # trunk and head, as the figure has them
-    pieces.append((rest, figure.colors[drawn:]))
-    around = props(puppet.joints, puppet.scale, lower)
-    pieces += [(triangles, np.tile(color, (len(points), 1))) for points, triangles, color in around]
-    arrays["props"] = np.float32(np.concatenate([np.zeros((0, 3)), *(p[0] for p in around)]) / puppet.scale)
-    triangles, colors = [], []
-    for faces, color in pieces:
-        triangles.append(faces + start)
-        colors.append(color[faces[:, 0]])
-        start += len(color)
-    palette, index = np.unique(np.concatenate(colors).round().astype(np.uint8), axis=0, return_inverse=True)
-    arrays |= {"triangles": np.concatenate(triangles).astype(np.uint16), "palette": palette[:, ::-1],
+    palette, index = np.unique(figure.colors.round().astype(np.uint8), axis=0, return_inverse=True)
+    arrays |= {"triangles": figure.triangles.astype(np.uint16), "palette": palette[:, ::-1],
                "colors": index.ravel().astype(np.uint8)}  # fmt: skip
     for name, shape in shapes.items():
         arrays |= {f"{name}_mean": np.float32(shape.mean), f"{name}_moving": shape.moving.astype(np.uint16),

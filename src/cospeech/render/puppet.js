@@ -5,7 +5,7 @@
 class Puppets {
   /** The characters of one page; `data` is the dict of player_data. Use `await Puppets.unpack(data)`. */
   static async unpack(data) {
-    if (data.version !== 1) throw new Error(`player data of version ${data.version}; this script reads version 1`);
+    if (data.version !== 2) throw new Error(`player data of version ${data.version}; this script reads version 2`);
     const packed = Uint8Array.from(atob(data.blob), (letter) => letter.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
     return new Puppets(data, await new Response(stream).arrayBuffer());
@@ -124,14 +124,14 @@ class Puppets {
     const turn = this._between(`turn${panel}`, 4, panel, time, 1, new Float32Array(4));
     const length = Math.max(Math.hypot(...turn), 1e-9);
     const [x, y, z, w] = turn.map((value) => value / length);
-    const size = this.data.headHeight * scale, c = this.joint.head_center * 3;
+    const c = this.joint.head_center * 3;
     const m = [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
       2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
       2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)];
     for (let i = 0, to = this.headStart; i < local.length; i += 3) {
       for (let row = 0; row < 3; row++) {
         const turned = m[row * 3] * local[i] + m[row * 3 + 1] * local[i + 1] + m[row * 3 + 2] * local[i + 2];
-        points[to++] = joints[c + row] + turned * size;
+        points[to++] = joints[c + row] + turned * scale;
       }
     }
   }

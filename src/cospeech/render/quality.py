@@ -31,6 +31,7 @@ def write_page(path, quality, film=""):
     text = template.substitute(
         title=escape(f"{quality.subject} / {quality.clip}: annotation"),
         summary=escape(
+            f"Refused: {quality.refused}" if quality.refused else
             f"{quality.frames} frames at {quality.fps:g} Hz ({quality.frames / quality.fps:.1f} s), tracked by "
             f"{quality.backend or 'an unnamed tracker'}."
         ),

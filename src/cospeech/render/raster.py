@@ -12,6 +12,7 @@ import numpy as np
 
 SAMPLES = 2  # per pixel and direction
 SLACK = np.float32(1e-3)  # of a sample's width
+BRIGHT = 160  # steps of brightness to 1
 SHADOW = 0.10  # how much the soft shadow on the wall darkens it
 
 
@@ -61,48 +62,68 @@ class Camera:
 
 
 class Painter:
-    """Draws meshes through one camera; it keeps its sample buffers from picture to picture."""
+    """Draws meshes through one camera; it keeps its sample buffer from picture to picture."""
 
     def __init__(self, camera):
         self.camera = camera
-        count = camera.height * camera.width * SAMPLES**2
-        self._depth, self._samples = np.zeros(count, np.float32), np.zeros(count * 3, np.uint8)
-        self.depth = self._depth[:0].reshape(0, 0)  # of the last picture's samples, 0 where nothing was drawn
+        self._samples = np.zeros(camera.height * camera.width * SAMPLES**2, np.uint32)
+        self.samples = self._samples[:0].reshape(0, 0)  # of the last picture; 0 where nothing was drawn
+        self._palettes = {}  # of the colours of meshes that were drawn
 
-    def draw(self, picture, points, colors, triangles):
+    def draw(self, picture, points, bright, triangles, colors):
         """Draw one mesh with a soft shadow onto `picture`, in place.
 
-        picture (H, W, 3) uint8 BGR as the camera sees it; points (V, 3) metres; colors (V, 3) float32 0..255 BGR;
-        triangles (F, 3) int32, counter-clockwise as seen from outside (others are not drawn).
+        picture (H, W, 3) uint8 BGR as the camera sees it; points (V, 3) metres; bright (V,) float32, 1 as the colours
+        are, at most 1.5; triangles (F, 3) int32, counter-clockwise as seen from outside (others are not drawn); colors
+        (F, 3) float32 0..255 BGR, at most 32 different ones.
         """
-        pixels = self.camera.project(points)
-        x0, y0 = np.maximum(np.floor(pixels[:, :2].min(0)).astype(int) - 1, 0)
-        x1, y1 = np.minimum(np.ceil(pixels[:, :2].max(0)).astype(int) + 1, (self.camera.width, self.camera.height))
+        camera = self.camera
+        lens = np.float32([camera.distance, camera.focal, camera.width / 2, camera.height / 2])
+        pixels, box = _project(np.asarray(points, np.float32), camera.axes, np.float32(camera.target), lens)
+        x0, y0 = np.maximum(np.floor(box[:2]).astype(int) - 1, 0)
+        x1, y1 = np.minimum(np.ceil(box[2:4]).astype(int) + 1, (camera.width, camera.height))
         if x0 >= x1 or y0 >= y1:
             return
-        pixels[:, :2] = (pixels[:, :2] - np.array([x0, y0], np.float32)) * SAMPLES
         shape = int(y1 - y0) * SAMPLES, int(x1 - x0) * SAMPLES
-        self.depth = depth = self._depth[: shape[0] * shape[1]].reshape(shape)
-        samples = self._samples[: shape[0] * shape[1] * 3].reshape(*shape, 3)
-        depth[:] = 0
-        _rasterise(pixels, np.ascontiguousarray(colors, np.float32), triangles, depth, samples)
-        _cast_shadow(picture, depth, x0, y0)
-        _resolve(picture[y0:y1, x0:x1], depth, samples)
+        self.samples = self._samples[: shape[0] * shape[1]].reshape(shape)
+        self.samples[:] = 0
+        shades, chosen = self._palette(colors)
+        _rasterise(pixels, np.float32([x0, y0]), box[4:], bright, triangles, chosen, self.samples)
+        _cast_shadow(picture, self.samples, x0, y0)
+        _resolve(picture[y0:y1, x0:x1], self.samples, shades)
+
+    def _palette(self, colors):
+        """Shades (C * 256,) uint32, each colour in 256 brightnesses; where each triangle's (F,) begin there."""
+        if id(colors) not in self._palettes:
+            palette, chosen = np.unique(colors, axis=0, return_inverse=True)
+            shades = np.clip(palette[:, None] * (np.arange(256) / BRIGHT)[:, None], 0, 255).astype(np.uint32)
+            packed = shades[..., 0] | shades[..., 1] << 8 | shades[..., 2] << 16
+            self._palettes[id(colors)] = colors, packed.ravel(), (chosen.ravel() * 256).astype(np.int64)
+        return self._palettes[id(colors)][1:]
 
 
-def _cast_shadow(picture, depth, x0, y0):
+def _cast_shadow(picture, samples, x0, y0):
     """Darken the wall right of and below the figure, softly: its mask on a coarse grid, blurred and shifted."""
     height, coarse, border = len(picture), 4 * SAMPLES, 8
     blur = [max(height // 110, 2)] * 2
-    mask = (depth[::coarse, ::coarse] > 0).astype(np.uint8) * np.uint8(255)
+    mask = (samples[::coarse, ::coarse] > 0).astype(np.uint8) * np.uint8(255)
     mask = cv2.copyMakeBorder(mask, *[border] * 4, cv2.BORDER_CONSTANT)
     mask = cv2.resize(cv2.blur(cv2.blur(mask, blur), blur), None, fx=4, fy=4)
     top, left = y0 - 4 * border + height // 32, x0 - 4 * border + height // 32
     y, x = max(top, 0), max(left, 0)
-    area = picture[y : top + mask.shape[0], x : left + mask.shape[1]]
-    mask = mask[y - top : y - top + area.shape[0], x - left : x - left + area.shape[1]]
-    area[:] = cv2.multiply(area, cv2.cvtColor(255 - cv2.convertScaleAbs(mask, alpha=SHADOW), cv2.COLOR_GRAY2BGR),
-                           scale=1 / 255)  # fmt: skip
+    _darken(picture[y : top + mask.shape[0], x : left + mask.shape[1]], mask[y - top :, x - left :])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _darken(area, mask):
+    """Darken an area (H, W, 3) uint8 by up to SHADOW where a mask of at least its size has 255."""
+    part = np.uint32(SHADOW * 257)
+    for y in range(area.shape[0]):
+        for x in range(area.shape[1]):
+            if mask[y, x]:
+                keep = np.uint32(65536) - part * np.uint32(mask[y, x])
+                for c in range(3):
+                    area[y, x, c] = (area[y, x, c] * keep + np.uint32(32768)) >> np.uint32(16)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -118,84 +139,102 @@ def fade_out(picture, rows, color):
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
-def _narrow(first, last, weight, step, inverse):
-    """The part of the columns first..last in which `weight + column * step` is not negative; inverse = -1 / step.
+def _project(points, axes, target, lens):
+    """`Camera.project` of (V, 3) points, and their box (6,): least x, y, greatest x, y, farthest and nearest."""
+    distance, focal, middle_x, middle_y = lens
+    pixels, box = np.empty_like(points), np.array([np.inf, np.inf, -np.inf, -np.inf, np.inf, -np.inf], np.float32)
+    for v in range(points.shape[0]):
+        x, y, z = points[v, 0] - target[0], points[v, 1] - target[1], points[v, 2] - target[2]
+        near = np.float32(1) / max(distance - (axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z), np.float32(0.05))
+        across = middle_x + (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z) * near * focal
+        down = middle_y - (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z) * near * focal
+        pixels[v, 0], pixels[v, 1], pixels[v, 2] = across, down, near
+        box[0], box[1], box[2], box[3] = min(box[0], across), min(box[1], down), max(box[2], across), max(box[3], down)
+        box[4], box[5] = min(box[4], near), max(box[5], near)
+    return pixels, box
 
-    A little more is taken, so that rounding leaves no gap between neighbours.
-    """
+
+@numba.njit(cache=True, error_model="numpy", fastmath=True, inline="always")
+def _span(first, last, weight, step, inverse):
+    """The part of the columns first..last in which `weight + column * step` is not negative; inverse = -1 / step."""
     if step > 0:
-        return max(first, np.ceil(weight * inverse - SLACK)), last
+        return max(first, np.ceil(weight * inverse)), last
     if step < 0:
-        return first, min(last, np.floor(weight * inverse + SLACK))
-    return first, (last if weight >= -SLACK else np.float32(-1.0))
+        return first, min(last, np.floor(weight * inverse))
+    return first, (last if weight >= 0 else np.float32(-1.0))
 
 
 @numba.njit(cache=True, error_model="numpy", fastmath=True)
-def _rasterise(points, colors, triangles, depth, samples):
-    """Fill `samples` (H, W, 3) uint8 and `depth` (H, W), the inverse distance, 0 where nothing was drawn.
+def _rasterise(pixels, corner, depths, bright, triangles, chosen, samples):
+    """Fill `samples` (H, W) uint32: nearness in the upper 19 bits, a shade's number in the lower 13, 0 for nothing.
 
-    Row by row: a triangle's span follows from where its barycentric weights change sign; depth and colour are linear.
+    A triangle is walked row by row: barycentric weights of its corners tell where it begins and ends, SLACK farther
+    out, so that rounding leaves no gap. Along a row, nearness and light are whole numbers that grow by whole steps.
+    What is nearer is the greater number, so the nearest sample stays without a branch.
     """
-    zero, half, one = np.float32(0), np.float32(0.5), np.float32(1)
-    height, last_column = depth.shape[0], np.float32(depth.shape[1] - 1)
+    half, zero, one, scale = np.float32(0.5), np.float32(0), np.float32(1), np.float32(SAMPLES)
+    height, width, flat = samples.shape[0], samples.shape[1], samples.ravel()
+    far, deep = depths[0], np.float32(2**19 - 4) / max(depths[1] - depths[0], np.float32(1e-6))
+    steps, above = np.float32(BRIGHT * 2**16), ~np.int64(2**13 - 1)
     for f in range(triangles.shape[0]):
         a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        ax, ay = points[a, 0], points[a, 1]
-        bx, by, cx, cy = points[b, 0] - ax, points[b, 1] - ay, points[c, 0] - ax, points[c, 1] - ay
+        ax, ay = (pixels[a, 0] - corner[0]) * scale, (pixels[a, 1] - corner[1]) * scale
+        bx, by = (pixels[b, 0] - corner[0]) * scale - ax, (pixels[b, 1] - corner[1]) * scale - ay
+        cx, cy = (pixels[c, 0] - corner[0]) * scale - ax, (pixels[c, 1] - corner[1]) * scale - ay
         area = bx * cy - by * cx
         if area >= np.float32(-1e-6):  # the picture's y runs down, so counter-clockwise outside means negative here
             continue
-        step_b, step_c = cy / area, -by / area  # change of the weights of b and c per column
-        step_a = -step_b - step_c
-        inverse_a, inverse_b, inverse_c = -one / step_a, -one / step_b, -one / step_c
-        near_b, near_c = points[b, 2] - points[a, 2], points[c, 2] - points[a, 2]
-        blue_b, blue_c = colors[b, 0] - colors[a, 0], colors[c, 0] - colors[a, 0]
-        green_b, green_c = colors[b, 1] - colors[a, 1], colors[c, 1] - colors[a, 1]
-        red_b, red_c = colors[b, 2] - colors[a, 2], colors[c, 2] - colors[a, 2]
-        top = max(int(np.ceil(ay + min(zero, by, cy) - half)), 0)
-        bottom = min(int(ay + max(zero, by, cy) + half), height)
-        for y in range(top, bottom):
-            px, py = half - ax, np.float32(y) + half - ay
-            start_b, start_c = (px * cy - py * cx) / area, (py * bx - px * by) / area
-            first, last = _narrow(zero, last_column, start_b, step_b, inverse_b)
-            first, last = _narrow(first, last, start_c, step_c, inverse_c)
-            first, last = _narrow(first, last, one - start_b - start_c, step_a, inverse_a)
-            if first > last:
-                continue
-            weight_b, weight_c = start_b + first * step_b, start_c + first * step_c
-            near = points[a, 2] + weight_b * near_b + weight_c * near_c
-            blue = colors[a, 0] + weight_b * blue_b + weight_c * blue_c
-            green = colors[a, 1] + weight_b * green_b + weight_c * green_c
-            red = colors[a, 2] + weight_b * red_b + weight_c * red_c
-            for x in range(int(first), int(last) + 1):
-                if near > depth[y, x]:
-                    depth[y, x] = near
-                    samples[y, x, 0], samples[y, x, 1], samples[y, x, 2] = (
-                        np.uint8(blue),
-                        np.uint8(green),
-                        np.uint8(red),
-                    )
-                near += step_b * near_b + step_c * near_c
-                blue += step_b * blue_b + step_c * blue_c
-                green += step_b * green_b + step_c * green_c
-                red += step_b * red_b + step_c * red_c
+        left = max(int(np.ceil(ax + min(zero, bx, cx) - half - SLACK)), 0)
+        right = min(int(np.floor(ax + max(zero, bx, cx) - half + SLACK)), width - 1)
+        top = max(int(np.ceil(ay + min(zero, by, cy) - half - SLACK)), 0)
+        bottom = min(int(np.floor(ay + max(zero, by, cy) - half + SLACK)), height - 1)
+        if left > right or top > bottom:
+            continue  # it lies between the samples
+        b_x, c_x, b_y, c_y = cy / area, -by / area, -cx / area, bx / area  # change of weights per column and row
+        a_x, slack = -b_x - c_x, SLACK * max(abs(b_x), abs(c_x), abs(b_y), abs(c_y))
+        inverse_a, inverse_b, inverse_c = -one / a_x, -one / b_x, -one / c_x
+        near_a, light_a = (pixels[a, 2] - far) * deep + 2, bright[a] * steps
+        near_b, near_c = (pixels[b, 2] - pixels[a, 2]) * deep, (pixels[c, 2] - pixels[a, 2]) * deep
+        light_b, light_c = bright[b] * steps - light_a, bright[c] * steps - light_a
+        near_x = np.int64((b_x * near_b + c_x * near_c) * np.float32(2**24))
+        light_x, shade = np.int64(b_x * light_b + c_x * light_c), chosen[f]
+        px, py = np.float32(left) + half - ax, np.float32(top) + half - ay
+        weight_b, weight_c = px * b_x + py * b_y, px * c_x + py * c_y
+        for y in range(top, bottom + 1):
+            first, last = zero, np.float32(right - left)
+            first, last = _span(first, last, weight_b + slack, b_x, inverse_b)
+            first, last = _span(first, last, weight_c + slack, c_x, inverse_c)
+            first, last = _span(first, last, one - weight_b - weight_c + slack, a_x, inverse_a)
+            begin = np.int64(first)
+            near = np.int64((near_a + weight_b * near_b + weight_c * near_c) * np.float32(2**24)) + begin * near_x
+            light = np.int64(light_a + weight_b * light_b + weight_c * light_c) + begin * light_x
+            at = np.uint64(y * width + left + begin)
+            for _ in range(np.int64(last) - begin + 1):
+                flat[at] = max(flat[at], np.uint32(((near >> 11) & above) | (shade + (light >> 16))))
+                near += near_x
+                light += light_x
+                at += np.uint64(1)
+            weight_b += b_y
+            weight_c += c_y
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _resolve(picture, depth, samples):
+def _resolve(picture, samples, shades):
     """Average each pixel's samples, taking the picture below where a sample hit nothing."""
     total = np.uint32(SAMPLES * SAMPLES)
     for y in range(picture.shape[0]):
         for x in range(picture.shape[1]):
-            below, blue, green, red = total, np.uint32(0), np.uint32(0), np.uint32(0)
+            # Two sums in one number each: blue and red 16 bits apart, green alone.
+            below, outer, green = total, np.uint32(0), np.uint32(0)
             for j in range(SAMPLES):
                 for i in range(SAMPLES):
-                    if depth[y * SAMPLES + j, x * SAMPLES + i] > 0:
+                    sample = samples[y * SAMPLES + j, x * SAMPLES + i]
+                    if sample > 0:
+                        shade = shades[sample & np.uint32(2**13 - 1)]
                         below -= np.uint32(1)
-                        blue += samples[y * SAMPLES + j, x * SAMPLES + i, 0]
-                        green += samples[y * SAMPLES + j, x * SAMPLES + i, 1]
-                        red += samples[y * SAMPLES + j, x * SAMPLES + i, 2]
+                        outer += shade & np.uint32(0xFF00FF)
+                        green += (shade >> np.uint32(8)) & np.uint32(0xFF)
             if below < total:
-                picture[y, x, 0] = (blue + below * picture[y, x, 0]) // total
+                picture[y, x, 0] = ((outer & np.uint32(0xFFFF)) + below * picture[y, x, 0]) // total
                 picture[y, x, 1] = (green + below * picture[y, x, 1]) // total
-                picture[y, x, 2] = (red + below * picture[y, x, 2]) // total
+                picture[y, x, 2] = ((outer >> np.uint32(16)) + below * picture[y, x, 2]) // total

@@ -2,9 +2,9 @@
 
 import base64
 import csv
-import io
 import math
 import os
+import re
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -13,17 +13,23 @@ from urllib.parse import quote
 
 import numpy as np
 
+from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
 from cospeech.evaluation.result import BASELINES, METRICS
 from cospeech.evaluation.tables import cell
 from cospeech.evaluation.variants import LABELS
 from cospeech.evaluation.variants import METRICS as COMPARED
 from cospeech.files import reading_hdf5, writing
+from cospeech.render.chart import line_chart
 from cospeech.render.control import control_section
+from cospeech.render.player import embedded, player_data, player_script
+from cospeech.render.tables import ROWS, table_section
 
+OPENING = """<p>Programs learnt from recordings of speakers how they gesture, and made motion for speech that they had
+not heard. Here are their characters beside the recorded motion, measures of how alike the two are, and everything
+needed to repeat the run. Measures are no judges: look first, then read.</p>"""
 FILMS, FILM_BYTES = 12, 40e6  # embedded at most; the others are linked
 ARROWS = {"lower": "↓ lower is better", "higher": "↑ higher is better", "truth": "≈ close to ground truth is better"}
-ROWS = {"ground_truth": "ground truth", "mismatched": "mismatched ground truth", "mean_pose": "mean pose"}
 MEANING = {
     "fgd": "Fréchet distance between features of 34-frame windows of this motion and of the test recordings; it judges "
     "whether the poses look like the speaker's, not whether they fit the speech.",
@@ -53,7 +59,8 @@ MEANING = {
 
 def write_report(
     path, *, title, evaluation=(), histories=None, videos=(), config="", versions=None, timings=(), notices=(),
-    subtitle="", film_bytes=FILM_BYTES, control=(), variants=(), figures=(),
+    subtitle="", film_bytes=FILM_BYTES, control=(), variants=(), figures=(), tables=(), captions=None,
+    players=(),
 ):  # fmt: skip
     """Write the report as one HTML file that needs no other file and no network.
 
@@ -61,10 +68,13 @@ def write_report(
     ----------
     evaluation : list of `cospeech.evaluation.tables.Summary`, one a subject and row.
     histories : {label: path of a history.h5}; every loss term becomes a curve.
+    players : list of (label, panels, sound) as of `player_data`, shown first, to be turned and scrubbed.
     videos : list of (label, path of an mp4). The first 12 that fit into `film_bytes` together are embedded; the others
         are linked by their path relative to the report.
     control : list of `cospeech.evaluation.control.ControlRow`; figures : list of (label, path) shown beside them.
     variants : list of Summary, of the search's variants and what they are compared with (thesis Table 5.4).
+    tables : paths of CSV files, each shown as its own section. captions : {name of such a file without `.csv`: dict of
+        `title`, and of `about` and `curve` as `table_section` takes them}; its order is the page's, others follow.
     config : the configuration as text (YAML). versions : {package: version}. notices : lines worth knowing.
     timings : list of (label, path of a benchmark TSV with the columns s and max_rss), or {label: path}.
 
@@ -72,9 +82,11 @@ def write_report(
     """
     timings = list(timings.items() if isinstance(timings, dict) else timings)
     sections = {
+        "Side by side": _players(players),
         "Evaluation": _evaluation(evaluation),
         "Control": control_section(control, figures),
         "Variants": _variants(variants),
+        **_further(tables, captions or {}),
         "Films": _films(videos, Path(path).parent, film_bytes),
         "Training": _curves(histories or {}),
         "Notices": _notices(notices),
@@ -83,12 +95,13 @@ def write_report(
         "Versions": _versions(versions or {}),
     }
     present = {name: body for name, body in sections.items() if body}
-    anchor = {name: name.lower().replace(" ", "-") for name in present}
+    anchor = {name: re.sub(r"\W+", "-", name.lower()).strip("-") for name in present}
     page = Template((files("cospeech.render") / "report.html").read_text(encoding="utf-8")).substitute(
         title=escape(title),
         subtitle=escape(subtitle),
-        navigation="".join(f'<a href="#{anchor[name]}">{name}</a>' for name in present),
-        sections="\n".join(f'<section id="{anchor[name]}"><h2>{name}</h2>\n{body}</section>'
+        opening=OPENING if present else "",
+        navigation="".join(f'<a href="#{anchor[name]}">{escape(name)}</a>' for name in present),
+        sections="\n".join(f'<section id="{anchor[name]}"><h2>{escape(name)}</h2>\n{body}</section>'
                            for name, body in present.items()),
     )  # fmt: skip
     with writing(path) as temporary:
@@ -124,6 +137,20 @@ def _variants(summaries):
               for name in subjects]  # fmt: skip
     about = "<p>The variants of the search in thesis Table 5.4, where people judged them.</p>" if tables else ""
     return about + "".join(tables)
+
+
+def _further(paths, captions):
+    """{title: HTML} of CSV files, in the order of their captions."""
+    paths = {Path(path).stem: path for path in paths}
+    order = [name for name in captions if name in paths] + [name for name in paths if name not in captions]
+    told = {name: dict(captions.get(name, {})) for name in order}
+    return {told[name].pop("title", _title(name)): table_section(paths[name], **told[name])
+            for name in order}  # fmt: skip
+
+
+def _title(name):
+    """`table_4_4` -> `Table 4.4`"""
+    return re.sub(r"(?<=\d)_(?=\d)", ".", name).replace("_", " ").capitalize()
 
 
 def _table(lines, metrics, names=ROWS):
@@ -164,6 +191,27 @@ def _films(videos, folder, most_bytes):
     return f'<div class="films">{"".join(figures)}</div>' if figures else ""
 
 
+def side_by_side(paths, sounds):
+    """Players for `write_report`: of every subject one, with all its clips of `paths`; sounds, a path a subject."""
+    clips = [Clip.read(path) for path in paths]
+    subjects = dict.fromkeys(clip.subject for clip in clips)
+    panels = [[(clip.generator or "recorded", clip) for clip in clips if clip.subject == name] for name in subjects]
+    return list(zip(subjects, panels, sounds, strict=True))
+
+
+def _players(players):
+    """Players, each with the motion in the page, and once the script that runs them."""
+    figures = [f'<figure><div class="player"></div><script type="application/json">{embedded(player_data(*shown))}'
+               f"</script><figcaption>{escape(label)}</figcaption></figure>" for label, *shown in players]  # fmt: skip
+    if not figures:
+        return ""
+    start = """for (const place of document.querySelectorAll(".player")) {
+  new CospeechPlayer(place, JSON.parse(place.nextElementSibling.textContent), { wheel: false });
+}"""
+    about = "<p>The same speech by the recorded person and by every model. Drag to turn, double click to turn back.</p>"
+    return f"{about}{''.join(figures)}<script>{player_script()}\n{start}</script>"
+
+
 def _relative(path, folder):
     return quote(Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix())
 
@@ -172,7 +220,7 @@ def _relative(path, folder):
 
 
 def _curves(histories):
-    figures = [_curve(label, path) for label, path in histories.items()]
+    figures = [figure(label, path) for label, path in histories.items() for figure in (_curve, _learning_curve)]
     return f'<div class="curves">{"".join(figures)}</div>' if figures else ""
 
 
@@ -183,32 +231,26 @@ def _curve(label, path):
         losses = {term: data[()] for term, data in sorted(file["loss"].items())}
     took = f", {seconds:.0f} s" if math.isfinite(seconds) else ""
     caption = f"{label}: {int(steps[-1]) if len(steps) else 0} iterations{took}"
-    source = f"data:image/svg+xml;base64,{base64.b64encode(_svg(steps, losses)).decode()}"
-    return (f'<figure class="card"><img src="{source}" alt="training curves of {escape(label)}">'
+    positive = losses and all((values[np.isfinite(values)] > 0).all() for values in losses.values())
+    source = line_chart({term: (steps, values) for term, values in losses.items()}, "iterations", "loss", log=positive)
+    return _figure(source, f"training curves of {label}", caption)
+
+
+def _learning_curve(label, path):
+    """Where a pose network's training has kept one: PCK on people that it did not see, by domain."""
+    with reading_hdf5(path, "cospeech.history") as file:
+        found = {name: data[()] for name, data in sorted(file.get("pck", {}).items())}
+    if not found:
+        return ""
+    steps = found.pop("step")
+    lines = {domain: (steps, values) for domain, values in found.items()}
+    source = line_chart(lines, "iterations", "3D PCK, %")
+    return _figure(source, f"learning curve of {label}", f"{label}: share of joints found, on people not trained with")
+
+
+def _figure(source, described, caption):
+    return (f'<figure class="card"><img src="{source}" alt="{escape(described)}">'
             f"<figcaption>{escape(caption)}</figcaption></figure>")  # fmt: skip
-
-
-def _svg(steps, losses):
-    """The curves as the bytes of an SVG file, transparent, without date."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    positive = all((values[np.isfinite(values)] > 0).all() for values in losses.values())
-    # A fixed salt and no date: the same curves give the same bytes. Text stays text, without fonts to embed.
-    with matplotlib.rc_context({"svg.hashsalt": "cospeech", "svg.fonttype": "none", "font.size": 9}):
-        figure = Figure(figsize=(6.4, 3.2), layout="constrained")
-        axes = figure.subplots()
-        for term, values in losses.items():
-            shown = np.isfinite(values)
-            axes.plot(steps[shown], values[shown], linewidth=1.2, label=term)
-        axes.set(xlabel="iterations", ylabel="loss", yscale="log" if positive and losses else "linear")
-        axes.grid(alpha=0.25)
-        axes.spines[["top", "right"]].set_visible(False)
-        if losses:
-            axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
-        data = io.BytesIO()
-        figure.savefig(data, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return data.getvalue()
 
 
 # ------------------------------------------------------------------------------------------------------------- facts

@@ -13,16 +13,19 @@ from cospeech.clip import Words
 from cospeech.errors import CospeechError
 from cospeech.files import writing
 from cospeech.render.figure import BACKGROUND, FADE, Figure, framing
+from cospeech.render.head import face_of
 from cospeech.render.raster import Painter, fade_out
 
 BATCH = 64  # frames posed at once: enough to amortise numpy's overhead, little memory
 INK, FAINT = (62, 52, 46), (214, 210, 206)
 LEAST_FPS = 24  # a clip below is shown at the smallest multiple of its rate that reaches this
 SOUND_RATE = 48000
+# Beyond the quickest preset: what makes calm pictures small at hardly any cost.
+X264 = "cabac=1:bframes=3:b-adapt=0:deblock=1,0,0:8x8dct=1:partitions=i8x8,i4x4"
 LINE, PAUSE = 7, 0.6  # subtitles: words a line, and the seconds of silence that end one
 
 
-def render_video(path, panels, audio=None, size=(960, 540), fps=None, subtitles=True):
+def render_video(path, panels, audio=None, size=(960, 540), fps=None, subtitles=True, **character):
     """Write an mp4 that shows clips side by side, with sound.
 
     Parameters
@@ -33,6 +36,9 @@ def render_video(path, panels, audio=None, size=(960, 540), fps=None, subtitles=
     size : (width, height) in even pixels of the whole picture.
     fps : frames per second; by default the first clip's rate times the smallest whole number that reaches 24.
     subtitles : whether the words of the first clip that has any are shown.
+    character : `posture` of the legs, which clips do not have: "standing", "sitting" or "none"; `whole`, whether they
+        are shown down to the floor (by default only sitting), or the upper body larger; `face`, a FaceModel or the file
+        of one, whose coefficients the clips have (by default the embedded one).
 
     The film lasts as long as the longest clip, or as the sound where the two agree within one frame of the clip,
     rounded to a whole frame; the sound is cut or filled with silence to the same. Shorter clips hold their last pose.
@@ -46,8 +52,9 @@ def render_video(path, panels, audio=None, size=(960, 540), fps=None, subtitles=
     if sound is not None and abs(len(sound[0]) / sound[1] - duration) <= 1 / panels[0][1].fps:
         duration = len(sound[0]) / sound[1]
     count = max(round(duration * fps), 1)
+    pictures = _pictures(Stage(panels, size, **character), np.arange(count) / float(fps), subtitles)
     with writing(path) as temporary:
-        _encode(temporary, _pictures(panels, size, np.arange(count) / float(fps), subtitles), size, fps, sound, count)
+        _encode(temporary, pictures, size, fps, sound, count)
 
 
 def write_film(path, pictures, count, fps, audio=None):
@@ -65,14 +72,14 @@ def write_film(path, pictures, count, fps, audio=None):
         _encode(temporary, shown, size, Fraction(fps).limit_denominator(1001), _sound(audio), count)
 
 
-def still(path, clip, time=0.0, size=(960, 540), title=None):
-    """Write one picture (`.png`) of a Clip at `time` seconds, framed as in its film."""
+def still(path, clip, time=0.0, size=(960, 540), title=None, **character):
+    """Write one picture (`.png`) of a Clip at `time` seconds, framed as in its film; `character` as there."""
     panels = [(f"{clip.subject} · {clip.clip}" if title is None else title, clip)]
     path = Path(path)
     _check(path, panels, size, suffix=".png")
     if not 0 <= time <= clip.duration:
         raise CospeechError(f"{path}: no frame at {time} s; the clip lasts {clip.duration:.2f} s")
-    picture = next(_pictures(panels, size, np.array([time]), subtitles=True))
+    picture = next(_pictures(Stage(panels, size, **character), np.array([time]), subtitles=True))
     with writing(path) as temporary:
         temporary.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
 
@@ -97,28 +104,54 @@ def _smooth_rate(fps):
 # ---------------------------------------------------------------------------------------------------------- pictures
 
 
-def _pictures(panels, size, times, subtitles):
+class Stage:
+    """The characters of clips side by side, in one picture of size (width, height), through one camera.
+
+    panels : list of (title, Clip); more than three go into two rows. posture, whole, face : as of `render_video`.
+    """
+
+    def __init__(self, panels, size, posture="standing", whole=None, face=None):
+        columns = len(panels) if len(panels) <= 3 else -(-len(panels) // 2)
+        self.width, self.height = size[0] // columns, size[1] // -(-len(panels) // columns)
+        self.whole = posture == "sitting" if whole is None else whole
+        self.clips, faces = [clip for _, clip in panels], [face_of(clip, face) for _, clip in panels]
+        self.expressions = [expression for _, expression in faces]
+        self.figures = [Figure(clip.positions, each, posture)
+                        for clip, (each, _) in zip(self.clips, faces, strict=True)]  # fmt: skip
+        self.corners = [(i % columns * self.width, i // columns * self.height) for i in range(len(panels))]
+        motions = [clip.positions for clip in self.clips]
+        self.painter = Painter(framing(self.figures, motions, self.width, self.height, self.whole))
+        titles = [title for title, _ in panels]
+        self.empty = _empty_picture(titles, self.corners, size, self.width, self.height)
+
+    def areas(self, picture):
+        """[(area, Figure, Clip, expression)]: each panel's part of a picture (H, W, 3), and whom it shows."""
+        parts = [picture[top : top + self.height, left : left + self.width] for left, top in self.corners]
+        return list(zip(parts, self.figures, self.clips, self.expressions, strict=True))
+
+    def fade(self, area):
+        """Let the legs of a character that is not shown whole fade away, in place."""
+        if not self.whole:
+            fade_out(area, round(FADE * self.height), BACKGROUND)
+
+
+def _pictures(stage, times, subtitles):
     """Yield a (height, width, 3) uint8 BGR picture for each of `times` (seconds, ascending). The array is reused."""
-    columns = len(panels) if len(panels) <= 3 else -(-len(panels) // 2)
-    width, height = size[0] // columns, size[1] // -(-len(panels) // columns)
-    corners = [(i % columns * width, i // columns * height) for i in range(len(panels))]
-    figures = [Figure(clip.positions, clip.face_model) for _, clip in panels]
-    painter = Painter(framing(figures, [clip.positions for _, clip in panels], width, height))
-    empty = _empty_picture([title for title, _ in panels], corners, size, width, height)
-    words = next((clip.words for _, clip in panels if len(clip.words)), Words.none())
+    words = next((clip.words for clip in stage.clips if len(clip.words)), Words.none())
     captions = _captions(words) if subtitles else []
-    picture = np.empty_like(empty)
+    picture = np.empty_like(stage.empty)
+    height, width = picture.shape[:2]
+    areas = stage.areas(picture)
     for first in range(0, len(times), BATCH):
         batch = times[first : first + BATCH]
-        posed = [figure.pose(*_sampled(clip, batch)) for figure, (_, clip) in zip(figures, panels, strict=True)]
+        posed = [figure.pose(*_sampled(clip, batch, expression)) for _, figure, clip, expression in areas]
         for i, time in enumerate(batch):
-            picture[:] = empty
-            for (left, top), figure, (points, colors) in zip(corners, figures, posed, strict=True):
-                area = picture[top : top + height, left : left + width]
-                painter.draw(area, points[i], colors[i], figure.triangles)
-                fade_out(area, round(FADE * height), BACKGROUND)
+            picture[:] = stage.empty
+            for (area, figure, *_), (points, bright) in zip(areas, posed, strict=True):
+                stage.painter.draw(area, points[i], bright[i], figure.triangles, figure.colors)
+                stage.fade(area)
             spoken = next((text for start, end, text in captions if start <= time < end), "")
-            _text(picture, spoken, size[0] / 2, size[1] * 0.965, size[1] / 24, 500)
+            _text(picture, spoken, width / 2, height * 0.965, height / 24, 500)
             yield picture
 
 
@@ -162,8 +195,8 @@ def _captions(words):
     return captions
 
 
-def _sampled(clip, times):
-    """Positions, head rotation and expression of a clip at `times` (seconds), between frames interpolated.
+def _sampled(clip, times, expression=None):
+    """Positions, head rotation and `expression` (T, E) of a clip at `times` (seconds), between frames interpolated.
 
     Frame i of a clip stands for the time i / fps; before the first and after the last the motion holds still.
     """
@@ -180,7 +213,7 @@ def _sampled(clip, times):
     if clip.rotation is not None:
         start, stop = Rotation.from_rotvec(clip.rotation[low]), Rotation.from_rotvec(clip.rotation[high])
         rotation = (start * Rotation.from_rotvec((start.inv() * stop).as_rotvec() * share[:, None])).as_rotvec()
-    return between(clip.positions), rotation, None if clip.expression is None else between(clip.expression)
+    return between(clip.positions), rotation, None if expression is None else between(expression)
 
 
 # ---------------------------------------------------------------------------------------------------------- encoding
@@ -202,12 +235,13 @@ def _encode(path, pictures, size, fps, sound, count):
     options = {"movflags": "+faststart", "fflags": "+bitexact"}
     with av.open(str(path), "w", format="mp4", container_options=options) as film:
         # One thread: the picture then does not depend on the machine's number of cores.
-        options = {"preset": "veryfast", "x264-params": "subme=1", "crf": "21", "threads": "1"}
+        options = {"preset": "ultrafast", "x264-params": X264, "crf": "27", "threads": "1"}
         video = film.add_stream("libx264", rate=fps, options=options)
         video.width, video.height, video.pix_fmt = *size, "yuv420p"
         video.codec_context.time_base = 1 / fps
         video.codec_context.gop_size = round(2 * fps)  # a key frame every two seconds makes seeking quick
-        voice = film.add_stream("aac", rate=SOUND_RATE, layout="mono") if sound is not None else None
+        quick = {"aac_coder": "fast"}
+        voice = film.add_stream("aac", rate=SOUND_RATE, layout="mono", options=quick) if sound is not None else None
         if voice:
             voice.bit_rate = 96000
         for i, picture in enumerate(pictures):
