@@ -101,6 +101,7 @@ def main():
         print(f"{name:40s} {1e3 * mine:9.2f} ms   {other / mine:8.2f} times the speed of the alternative")
     through_onnxruntime(network, classifier)
     training_step()
+    widths()
     if torch.cuda.is_available():
         on_a_gpu(network)
 
@@ -123,7 +124,7 @@ def through_onnxruntime(network, classifier, threads=2):
 
 def training_step(steps=40):
     """Seconds of a step of the demo budget's network, and the share of them that the data holds it up."""
-    settings = Settings(pretraining=0, steps=steps, batch=32, optimizer="adam", input=64, blocks=(1, 1, 2), width=24,
+    settings = Settings(pretraining=0, steps=steps, batch=32, optimizer="adam", input=64, blocks=(1, 1, 2), width=16,
                         free=18, latent=256, camera=64)  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         write_people(f"{folder}/people.h5", "body", {"studio": 128, "wild": 128}, size=64, seed=0)
@@ -140,6 +141,35 @@ def training_step(steps=40):
         task.loader.close()
     print(f"training step, 32 people of 64 x 64: {1e3 * took / (steps - 5):.1f} ms, waiting for data "
           f"{100 * waited / took:.1f} %; making a mini-batch takes {1e3 * drawn:.1f} ms in its thread")  # fmt: skip
+
+
+def widths(rounds=5, batch=64):
+    """Images per second of training steps in bfloat16 by width, in turns: 16, of the demo budget, beside wider ones."""
+    torch.set_num_threads(2)
+    steps, best = {}, {}
+    for width in (16, 24, 32):
+        network = PoseNet(Design(input=64, blocks=(1, 1, 2), width=width, free=18, latent=256, camera=64))
+        network = network.to(memory_format=torch.channels_last)
+        optimizer = torch.optim.Adam(network.parameters(), fused=True)
+        images = torch.rand(batch, 3, 64, 64).contiguous(memory_format=torch.channels_last)
+
+        def step(network=network, optimizer=optimizer, images=images):
+            with autocast(half=True):
+                output = network(images)
+            optimizer.zero_grad()
+            sum(part.float().square().mean() for part in (output.pose, output.points, output.heatmaps)).backward()
+            optimizer.step()
+
+        steps[width] = step
+    for _ in range(rounds):
+        for width, step in steps.items():
+            best[width] = min(best.get(width, 1e9), seconds(step, 3))
+    print(
+        "training, 64 x 64, 2 threads, images/s by width: "
+        + ", ".join(
+            f"{width}: {batch / took:.0f} ({took / best[16]:.2f} times the time of 16)" for width, took in best.items()
+        )
+    )
 
 
 def on_a_gpu(network):

@@ -129,7 +129,7 @@ def test_the_two_domains_look_different(crowd):
         person = np.array([image[mask > 0].mean(axis=0) for image, mask in zip(batch.images, batch.mask, strict=True)])
         light[domain] = np.log(person.mean(axis=1)).std()
     assert clutter["wild"] > 1.6 * clutter["studio"]
-    assert light["wild"] > 1.5 * light["studio"]
+    assert light["wild"] > 1.3 * light["studio"]
 
 
 def test_the_studio_has_few_people_and_the_wild_has_many(crowd):

@@ -32,12 +32,8 @@ def augment(
         front of it with chance `occlude`; joints behind a piece are no longer visible.
     blur : Gaussian blur of at most so many pixels, of every second crop.
     """
-    count, side = len(batch), batch.images.shape[1]
-    flipped = (rng.random(count) < flip) & PARTS[part].mirrored
-    zoom = side / margin / np.exp(rng.uniform(-1, 1, count) * np.log1p(scale)) / size  # stored pixels per new pixel
-    angle = np.radians(rng.uniform(-rotate, rotate, count))
-    shift = rng.uniform(-translate, translate, (count, 2)) * size
-    result = transform(batch, size, zoom, angle, shift, flipped, part)
+    count = len(batch)
+    result = _moved(batch, rng, size, batch.images.shape[1], part, margin, scale, rotate, translate, flip)
     if background is not None and len(background) and batch.mask is not None:
         _replace_background(result, rng, background, rng.random(count) < replace)
     if background is not None and len(background) and occlude:
@@ -49,6 +45,20 @@ def augment(
     return result
 
 
+def augment_labels(batch, rng, size, *, side, part="body", margin=1.0, scale=0.2, rotate=30.0, translate=0.1, flip=0.5):
+    """`augment` of a batch of labels without images (None), which are of crops of `side` pixels."""
+    return _moved(batch, rng, size, side, part, margin, scale, rotate, translate, flip)
+
+
+def _moved(batch, rng, size, side, part, margin, scale, rotate, translate, flip):
+    count = len(batch)
+    flipped = (rng.random(count) < flip) & PARTS[part].mirrored
+    zoom = side / margin / np.exp(rng.uniform(-1, 1, count) * np.log1p(scale)) / size  # stored pixels per new pixel
+    angle = np.radians(rng.uniform(-rotate, rotate, count))
+    shift = rng.uniform(-translate, translate, (count, 2)) * size
+    return transform(batch, size, zoom, angle, shift, flipped, part, side)
+
+
 def center(batch, size, *, part="body", margin=1.0):
     """The middle of each crop at the network's size, nothing at random: for validation and tests."""
     none = np.zeros(len(batch))
@@ -56,15 +66,18 @@ def center(batch, size, *, part="body", margin=1.0):
     return transform(batch, size, zoom, none, np.zeros((len(batch), 2)), none.astype(bool), part)
 
 
-def transform(batch, size, zoom, angle, shift, flipped, part="body"):
+def transform(batch, size, zoom, angle, shift, flipped, part="body", side=None):
     """Crops of side `size` about the middle of those of a batch -> `Batch`.
+
+    side : of the given crops in pixels, where the batch has no images (None).
 
     zoom (N,) : pixels of the given crop per pixel of the new one. angle (N,) : radians, from x towards y.
     shift (N, 2) : pixels of the new crop. flipped (N,) bool : mirrored in x after all else.
     """
+    side = batch.images.shape[1] if side is None else side
     if part not in PARTS:
         raise CospeechError(f"augment: part {part!r} is unknown; known: {', '.join(PARTS)}")
-    matrices = _matrices(batch.images.shape[1], size, zoom, angle, shift, flipped)
+    matrices = _matrices(side, size, zoom, angle, shift, flipped)
     points = batch.joints2d @ matrices[:, :, :2].swapaxes(1, 2) + matrices[:, None, :, 2]
     points = np.where(flipped[:, None, None], points[:, PARTS[part].mirror2d], points)
     visible = np.where(flipped[:, None], batch.visible[:, PARTS[part].mirror2d], batch.visible)
@@ -75,8 +88,9 @@ def transform(batch, size, zoom, angle, shift, flipped, part="body"):
     turn = np.where(flipped, -angle, angle)  # of the mirrored person
     poses = np.concatenate([_turned(poses[..., :2], turn), poses[..., 2:]], axis=2)
     visible &= inside
+    images = None if batch.images is None else _warp(batch.images, matrices, size, zoom)
     return Batch(
-        _warp(batch.images, matrices, size, zoom),
+        images,
         np.where(visible[..., None], points, 0).astype(np.float32),
         visible,
         poses.astype(np.float32),

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.posenet.augment import augment
+from cospeech.posenet.augment import augment, augment_labels
 from cospeech.posenet.samples import Batch
-from cospeech.posenet.store import Store
+from cospeech.posenet.store import LABELS, Store
 
 IN_MEMORY = 1 << 30  # bytes: a store whose decoded crops are fewer is decoded once, which is nine tenths of reading it
 
@@ -51,8 +51,22 @@ class Mixture:
             if len(mine):
                 pieces.append(augment(people[mine], rng, size, part=self.part, margin=store.margin,
                                       background=self.backgrounds, **options))  # fmt: skip
-        names = ("images", "joints2d", "visible", "joints3d", "labelled3d")
-        return Batch(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
+        return _joined(pieces, ("images", *LABELS))
+
+    def labels(self, chosen, rng, size, **options):
+        """The same without images, thousands a second; options are those of `augment_labels`."""
+        pieces = []
+        for store, low in zip(self.stores, self.starts[:-1], strict=True):
+            mine = chosen[(chosen >= low) & (chosen < low + len(store))] - low
+            if len(mine):
+                batch = Batch(None, *(getattr(store, name)[mine] for name in LABELS))
+                options |= {"part": self.part, "margin": store.margin, "side": store.size}
+                pieces.append(augment_labels(batch, rng, size, **options))
+        return _joined(pieces, LABELS)
+
+
+def _joined(batches, names):
+    return Batch(**{"images": None} | {n: np.concatenate([getattr(batch, n) for batch in batches]) for n in names})
 
 
 def _decoded(store, masks):

@@ -89,6 +89,7 @@ class Weights:
 
 
 PRETRAINING = Weights(pose=0.0, bone_vector=0.0, bone_length=0.0, projection=0.0)  # stage 1 of thesis 3.4.2
+LIFTING = Weights(heatmap=0.0, bone_length=0.0)  # of people with 3D labels, from drawn heatmaps
 
 
 @dataclass(frozen=True)

@@ -186,15 +186,23 @@ class PoseNet(nn.Module):
             self.register_buffer(name, torch.tensor(values)[:, None, None], persistent=False)
 
     def forward(self, images):
-        count = len(self.heatmap_joints)
         res4d, res5a = self.backbone((images - self.mean) / self.std)
-        f3d = self.f3d(res5a)
+        count = len(self.heatmap_joints)
+        return self.lifted(self.f3d(res5a), (res4d[:, :count], res5a[:, :count]))
+
+    def lifted(self, f3d, intermediate=()):
+        """What follows F3D (B, K + free, side, side): `Output`."""
         z = self.z(f3d.flatten(1))
         pose = self.lift(z).unflatten(1, (-1, 3))
         pose = pose - pose[:, self.root : self.root + 1]
         camera = self.camera(z)
-        intermediate = (res4d[:, :count], res5a[:, :count])
-        return Output(pose, weak_perspective(pose, camera), camera, f3d[:, :count], intermediate)
+        heatmaps = f3d[:, : len(self.heatmap_joints)]
+        return Output(pose, weak_perspective(pose, camera), camera, heatmaps, intermediate)
+
+
+def images_of(batch):
+    """A Batch's crops as the network reads them: (N, 3, S, S) float32 RGB, 0 to 1."""
+    return torch.from_numpy(batch.images).permute(0, 3, 1, 2).float().div_(255)
 
 
 # ---- heatmaps -------------------------------------------------------------------------------------------------------

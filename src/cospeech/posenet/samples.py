@@ -33,7 +33,8 @@ class Sample:
 class Batch:
     """N square crops of S pixels, each with one person.
 
-    images (N, S, S, 3) uint8 RGB. joints2d (N, K, 2) float32 pixels of the crop. visible (N, K) bool.
+    images (N, S, S, 3) uint8 RGB, None where labels alone are asked for.
+    joints2d (N, K, 2) float32 pixels of the crop. visible (N, K) bool.
     joints3d (N, J, 3) float32 millimetres in the axes of the crop's own (virtual) camera; zeros where there are none.
     labelled3d (N,) bool: whether `joints3d` may be trained on, that is, has all J.
     mask (N, S, S) uint8, 255 on the person, or None.
@@ -49,7 +50,7 @@ class Batch:
     tags: dict = field(default_factory=dict)
 
     def __len__(self):
-        return len(self.images)
+        return len(self.visible)
 
     def __getitem__(self, chosen):
         """The samples at an index array or slice, as a Batch."""

@@ -16,13 +16,16 @@ import torch
 
 from cospeech import files
 from cospeech.errors import CospeechError
+from cospeech.posenet.curve import POINTS, LearningCurve, write_history
 from cospeech.posenet.loader import Loader, Mixture
-from cospeech.posenet.losses import PRETRAINING, Labels, Weights, total_loss
-from cospeech.posenet.network import DESIGNS, Output, PoseNet, heatmap_targets, load_imagenet
+from cospeech.posenet.losses import LIFTING, PRETRAINING, Labels, Weights, total_loss
+from cospeech.posenet.network import DESIGNS, Output, PoseNet, heatmap_targets, images_of, load_imagenet
 from cospeech.training import autocast, descend, device, finish, train
 from cospeech.weights import save_weights
 
 AUGMENT = {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0, "occlude": 0.0, "blur": 0.0}
+STAGES = ("pretraining", "lifting", "training")
+LIFTED = 256  # people in a mini-batch of the stage that looks at no images
 SHAPE = ("input", "blocks", "width", "free", "latent", "camera")  # fields of Design that a budget may change
 OPTIMIZERS = ("adadelta", "adam")
 SCHEDULES = ("exponential", "cosine")
@@ -40,6 +43,8 @@ class Settings:
     """Of one training; the defaults are the published ones (thesis 3.4.2) where there are any.
 
     pretraining, pretraining_batch : iterations of stage 1 and people in each. steps, batch : of stage 2.
+    lifting : iterations of a stage between them (ours): only what follows F3D is trained, on heatmaps drawn from the 2D
+        labels of people with 3D labels, so that stage 2 starts with a network that lifts.
     studio : share of 3D-labelled people in a mini-batch of stage 2 (not published).
     optimizer : adadelta (rho 0.9) or adam. schedule : exponential, `decay` (not published) over `decay_steps`, or
         cosine, down to 0 at the stage's end after a short warm-up; both start anew in stage 2.
@@ -54,6 +59,7 @@ class Settings:
 
     pretraining: int = 186_000
     pretraining_batch: int = 21
+    lifting: int = 0
     steps: int = 240_000
     batch: int = 10
     studio: float = 0.5
@@ -96,12 +102,13 @@ class Settings:
 
 
 class PoseTask:
-    """The two stages as one `cospeech.training.Task`.
+    """The stages as one `cospeech.training.Task`.
 
-    people : `loader.Mixture`. imagenet : path of ResNet-50 weights, or None.
+    people : `loader.Mixture`. imagenet : path of ResNet-50 weights, or None. test : stores of people to draw the
+    learning curve with, or None. `total` iterations make the whole training.
     """
 
-    def __init__(self, people, settings, seed, imagenet=None):
+    def __init__(self, people, settings, seed, imagenet=None, test=None):
         torch.manual_seed(seed)
         self.people, self.settings, self.seed = people, settings, seed
         self.design = settings.design(people.part)
@@ -114,7 +121,13 @@ class PoseTask:
         self.network = network.to(device(), memory_format=torch.channels_last)
         self.modules = {"network": self.network}
         self.optimizers = {"pretraining": self._optimizer(1.0), "training": self._optimizer(settings.discrepancy)}
-        self.loader = Loader(self.draw, settings.pretraining + settings.steps)
+        if settings.lifting:
+            self.optimizers["lifting"] = self._optimizer(1.0)
+        self.ends = np.cumsum([settings.pretraining, settings.lifting, settings.steps]).tolist()
+        self.total = self.ends[-1]
+        self.curve = LearningCurve(test, people.part, self.design, settings.half) if test else None
+        self.points = {(k + 1) * self.total // POINTS - 1 for k in range(POINTS)} if test else ()
+        self.loader = Loader(self.draw, self.total)
         kept = {k: v for k, v in asdict(settings).items() if k not in (*SHAPE, "people", "threads")}
         self.description = {
             "model": "posenet", "part": people.part, "design": asdict(self.design), "settings": kept,
@@ -122,7 +135,7 @@ class PoseTask:
         }  # fmt: skip
 
     def _optimizer(self, discrepancy):
-        """One for each stage, as the second starts anew; the layers that stage 1 trains may learn slower in it."""
+        """One for each stage, as each starts anew; the layers that stage 1 trains may learn slower in the last."""
         trained = [*self.network.backbone.parameters(), *self.network.f3d.parameters()]
         rest = [p for p in self.network.parameters() if all(p is not q for q in trained)]
         groups = [{"params": trained, "share": 1 / discrepancy}, {"params": rest, "share": 1.0}]
@@ -132,21 +145,27 @@ class PoseTask:
 
     def iterate(self, step, rng):
         """One mini-batch. Its people are drawn from (seed, step), by the loader's thread and ahead of time."""
-        s = self.settings
-        stage, weights = ("pretraining", PRETRAINING) if step < s.pretraining else ("training", Weights(**s.weights))
+        stage, *_ = self.stage(step)
+        weights = {"pretraining": PRETRAINING, "lifting": LIFTING}.get(stage) or Weights(**self.settings.weights)
         images, labels = self.loader.take(step)
         for group in self.optimizers[stage].param_groups:
             group["lr"] = group["share"] * self.learning_rate(step)
-        with autocast(s.half):
-            output = self.network(images)
+        with autocast(self.settings.half):
+            output = self.network.lifted(images) if stage == "lifting" else self.network(images)
         terms, loss = total_loss(_float(output), labels, self.network.heatmap_joints, self.design.parents, weights)
         descend(self, stage, loss)
-        return {name: term.detach() for name, term in terms.items()}
+        found = {name: term.detach() for name, term in terms.items()}
+        return found | (self.curve(self.network) if step in self.points else {})
+
+    def stage(self, step):
+        """(name, first iteration, iterations) of the stage that an iteration belongs to."""
+        number = int(np.searchsorted(self.ends[:-1], step, side="right"))
+        first = self.ends[number - 1] if number else 0
+        return STAGES[number], first, self.ends[number] - first
 
     def learning_rate(self, step):
         """Of an iteration, from its number alone."""
-        s = self.settings
-        first, total = (0, s.pretraining) if step < s.pretraining else (s.pretraining, s.steps)
+        s, (_, first, total) = self.settings, self.stage(step)
         done = step - first
         if s.schedule == "exponential":
             return s.learning_rate * s.decay ** (done / s.decay_steps)
@@ -156,22 +175,36 @@ class PoseTask:
     # ---- mini-batches ------------------------------------------------------------------------------------------------
 
     def draw(self, step):
-        """(images (B, 3, S, S) float32, Labels) of an iteration, from (seed, step) alone."""
+        """(images (B, 3, S, S) float32, or F3D where no images are looked at; Labels), from (seed, step) alone."""
         rng = np.random.default_rng([self.seed, step, 1])
-        batch = self.people.crops(self._chosen(step, rng), rng, self.design.input, **self.settings.augment)
+        chosen, size, options = self._chosen(step, rng), self.design.input, self.settings.augment
+        lifting = self.stage(step)[0] == "lifting"
+        if lifting:
+            options = {name: options[name] for name in ("scale", "rotate", "translate") if name in options}
+        batch = (self.people.labels if lifting else self.people.crops)(chosen, rng, size, **options)
         labels = self.labels(batch, self.lengths[rng.integers(len(self.lengths), size=len(batch))])
-        return images_of(batch).to(device()), labels
+        return (self._drawn(labels, rng) if lifting else images_of(batch)).to(device()), labels
 
     def _chosen(self, step, rng):
         """Whom to train on: people with 2D labels alone in stage 1, a fixed mix in stage 2; or whoever there is."""
-        s = self.settings
-        stage1 = step < s.pretraining
-        count = s.pretraining_batch if stage1 else s.batch
-        labelled = count if not len(self.unlabelled) else 0 if stage1 else round(count * s.studio)
+        s, stage = self.settings, self.stage(step)[0]
+        if stage == "lifting":
+            return rng.choice(self.labelled, LIFTED)
+        count = s.pretraining_batch if stage == "pretraining" else s.batch
+        labelled = count if not len(self.unlabelled) else 0 if stage == "pretraining" else round(count * s.studio)
         parts = [rng.choice(self.labelled, labelled)]
         if labelled < count:
             parts.append(rng.choice(self.unlabelled, count - labelled))
         return np.concatenate(parts)
+
+    def _drawn(self, labels, rng):
+        """F3D (B, K + free, side, side) with heatmaps of the 2D labels, as uncertain as a network's, alone."""
+        count, joints = labels.visible.shape
+        strength = rng.uniform(0.6, 1.1, (count, joints)) * (rng.random((count, joints)) > 0.1)
+        strength = torch.from_numpy(np.float32(strength)).to(device()) * labels.visible
+        maps = labels.heatmaps * strength[:, :, None, None]
+        maps = maps + torch.from_numpy(np.float32(rng.normal(0, 0.05, maps.shape))).to(device())
+        return torch.cat([maps, maps.new_zeros(count, self.design.free, *maps.shape[2:])], dim=1)
 
     def labels(self, batch, lengths):
         """A Batch as `Labels`; lengths (B, J) in the design's unit."""
@@ -182,35 +215,30 @@ class PoseTask:
         return Labels(points, tensor(batch.visible), maps, pose, tensor(batch.labelled3d), tensor(lengths))
 
 
-def images_of(batch):
-    """A Batch's crops as the network reads them: (N, 3, S, S) float32 RGB, 0 to 1."""
-    return torch.from_numpy(batch.images).permute(0, 3, 1, 2).float().div_(255)
-
-
 def _float(output):
     """An Output in float32, in which the losses are computed whatever the network ran in."""
     *tensors, intermediate = output
     return Output(*(tensor.float() for tensor in tensors), tuple(maps.float() for maps in intermediate))
 
 
-def train_posenet(paths, settings, *, seed, folder, imagenet=None, checkpoint=None):
+def train_posenet(paths, settings, *, seed, folder, imagenet=None, checkpoint=None, test=None):
     """Train a network and write weights.safetensors and history.h5 into `folder`; returns the finished PoseTask.
 
     Parameters
     ----------
     paths : stores of people of one part. settings : Settings. imagenet : path of ResNet-50 weights, or None.
-    checkpoint : path for resuming, outside `folder`.
+    checkpoint : path for resuming, outside `folder`. test : stores of people to draw the learning curve with, or None.
     """
     cv2.setNumThreads(1)  # the loader is one thread
     torch.set_num_threads(settings.threads)
-    task = PoseTask(Mixture(paths, settings.augment.get("replace", 0) > 0), settings, seed, imagenet)
+    task = PoseTask(Mixture(paths, settings.augment.get("replace", 0) > 0), settings, seed, imagenet, test)
     identity = sha256(json.dumps([task.description, str(imagenet)], sort_keys=True).encode())
-    for path in paths:
+    for path in [*paths, *(test or ())]:
         identity.update(files.sha256(path).encode())
     torch.set_flush_denormal(True)  # dying activations would slow a training down tenfold
     try:
         history = train(
-            task, settings.pretraining + settings.steps, seed=seed, checkpoint=checkpoint,
+            task, task.total, seed=seed, checkpoint=checkpoint,
             identity=identity.hexdigest(), label=f"posenet {task.people.part}",
         )  # fmt: skip
     finally:
@@ -218,6 +246,6 @@ def train_posenet(paths, settings, *, seed, folder, imagenet=None, checkpoint=No
         torch.set_flush_denormal(False)
     folder = Path(folder)
     save_weights(folder / "weights.safetensors", task.network.cpu().state_dict(), task.description)
-    history.write(folder / "history.h5")
+    write_history(folder / "history.h5", history)
     finish(checkpoint)
     return task

@@ -93,7 +93,7 @@ def draw_people(block, domain, part, size, margin, seed, attempt=0):
     numbers = np.arange(block * BLOCK, (block + 1) * BLOCK)
     dice = Dice(seed, (domain, part, *["again"] * attempt), numbers)
     build, looks, subject = _who(dice, domain, seed)
-    framing = dice.choice([0.65, 0.35]) if part == "body" else np.ones(BLOCK, int)
+    framing = dice.choice([0.5, 0.5]) if part == "body" else np.ones(BLOCK, int)
     pose = draw_pose(dice, presenting=framing == 1, lively_hands=0.7 if part == "hand" else 0.15)
     joints, head = pose_people(build, pose)
     skin, gaze = _faces(dice, build, joints, head)

@@ -47,14 +47,14 @@ class Arm:
 
 
 def draw_pose(dice, presenting=False, lively_hands=0.0):
-    """Draw a `Pose`. presenting (N,) bool or bool: who neither walks nor, often, sits, as those filmed to the waist.
+    """Draw a `Pose`. presenting (N,) bool or bool: who stands, as those filmed to the waist do.
 
     lively_hands : share of hands with any shape at all.
     """
     weights = np.array([p["weight"] for p in POSTURES.values()])
     posture = dice.choice(weights)
     sit, stand = (list(POSTURES).index(name) for name in ("sit", "stand"))
-    posture = np.where(presenting & ((posture != sit) | dice.chance(0.5)), stand, posture)
+    posture = np.where(presenting, stand, posture)
     seated = posture == sit
     first, kind = _draw_arm(dice, seated, lively_hands)
     second, _ = _draw_arm(dice, seated, lively_hands)

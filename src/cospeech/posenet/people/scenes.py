@@ -19,7 +19,7 @@ def draw_lights(dice, domain):
             [unit(way), dice.uniform(0.34, 0.42), dice.uniform(0.64, 0.70), np.full(len(dice), 0.25)]
         )
     way = np.stack([dice.uniform(-1, 1), dice.uniform(-1, 0.1), dice.uniform(-1, 0.15)], axis=1)
-    strength = dice.uniform(0.2, 0.75)
+    strength = dice.uniform(0.2, 0.6)
     return np.column_stack([unit(way), strength, dice.uniform(0.85, 1.1) - strength, dice.uniform(0.1, 0.4)])
 
 
@@ -94,10 +94,10 @@ def _desk(solids, dice, room, joints, desk):
 
 def _before(solids, dice, room, joints):
     """Something between camera and person: a post or a box."""
-    shown, post = dice.chance(0.16), dice.chance(0.5)
+    shown, post = dice.chance(0.10), dice.chance(0.5)
     aside = np.stack([dice.normal(0, 0.28), dice.normal(0, 0.4), 0 * post], axis=1)
     seen = room.at(*(joints[:, INDEX["pelvis"]] + aside).T) * dice.uniform(0.55, 0.8)[:, None]
-    size, color = dice.uniform(0.03, 0.10), colors(dice)
+    size, color = dice.uniform(0.02, 0.07), colors(dice)
     up = room.view.rotation[:, :, 1] * dice.uniform(0.1, 0.7)[:, None]
     solids.cone(seen - up, seen + up, np.where(shown & post, size, -1), size, color, THING)
     half = _half(size * 1.5, size * 1.2, size, shown=shown & ~post)
@@ -109,7 +109,7 @@ def strangers(dice, rows, view):
 
     They stand behind the person, aside, and belong to the part STRANGER.
     """
-    shown = dice.chance(0.25)
+    shown = dice.chance(0.12)
     other = np.roll(rows, 1, axis=0).copy()
     aside = dice.pick([-1.0, 1.0]) * dice.uniform(0.4, 1.3)
     way = np.stack([aside, dice.normal(0.0, 0.1), -dice.uniform(0.8, 2.5)], axis=1)
@@ -134,7 +134,7 @@ def background(rng, size, domain):
         ramp = np.linspace(*rng.uniform(0.82, 1.1, 2), size, dtype=np.float32)[:, None, None]
         return np.clip(ramp * np.broadcast_to(color.astype(np.float32), (size, size, 3)), 0, 1)
     image = _cloud(rng, size)
-    for _ in range(rng.integers(3, 16)):
+    for _ in range(rng.integers(2, 9)):
         _clutter(rng, image, size)
     blur = rng.uniform(0, 1.6) * size / 128
     return cv2.GaussianBlur(image, (0, 0), blur) if blur > 0.4 else image
@@ -197,13 +197,13 @@ def photograph(rng, color, domain):
         noise = rng.integers(-3, 4, color.shape[:2], dtype=np.int16)
         picture = cv2.GaussianBlur(np.clip(color, 0, 1), (3, 3), 0.55)
         return np.clip(picture * 255 + noise[..., None], 0, 255).astype(np.uint8)
-    gain = rng.uniform(0.7, 1.3) * rng.uniform(0.85, 1.15, 3)
+    gain = rng.uniform(0.75, 1.25) * rng.uniform(0.88, 1.12, 3)
     picture = np.clip(color * gain.astype(np.float32), 0, 1) ** np.float32(rng.uniform(0.65, 1.3))
-    blur = rng.choice([0.5, 0.7, 1.0, 1.4]) * size / 128
+    blur = rng.choice([0.5, 0.6, 0.8, 1.0]) * size / 128
     picture = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), blur) * 255
     noise = np.empty(color.shape, np.float32)
     cv2.setRNGSeed(int(rng.integers(1 << 30)))
-    cv2.randn(noise, 0, float(rng.uniform(0, 9)))
+    cv2.randn(noise, 0, float(rng.uniform(0, 7)))
     picture = np.clip(picture + noise, 0, 255).astype(np.uint8)
     if rng.random() < 0.6:
         quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(30, 90))]

@@ -44,14 +44,13 @@ class View:
 
 def draw_directions(dice, part, domain):
     """Where the camera is: turn of the person, height and roll of the camera, degrees (N, 3)."""
-    wild = domain == "wild"
-    spread = {"body": 30, "hand": 38, "face": 20}[part]
+    spread = {"body": 16, "hand": 38, "face": 20}[part]
     # a right hand is better seen from the person's right
-    yaw = np.clip(dice.normal(22 if part == "hand" else 0, spread), -70, 70)
-    if part == "body":
-        yaw = np.where(dice.chance(0.05), dice.uniform(-180, 180), yaw)
-    pitch = dice.normal(5, 8 if wild else 5) if part == "body" else dice.normal(0, 11)
-    return np.stack([yaw, pitch, dice.normal(0, 4 if wild else 1.5)], axis=1)
+    most = 45 if part == "body" else 70
+    yaw = np.clip(dice.normal(22 if part == "hand" else 0, spread), -most, most)
+    pitch = dice.normal(4, 4) if part == "body" else dice.normal(0, 11)
+    roll = 1.5 if domain == "studio" else 2.5 if part == "body" else 4
+    return np.stack([yaw, pitch, dice.normal(0, roll)], axis=1)
 
 
 def look_at(directions, distance, target):
@@ -111,7 +110,7 @@ def draw_anchors(dice, part, domain, framing, names):
     anchors[:, 3, 0] = names.index("spine")
     cut = dice.uniform(0.05, 0.26)  # where presenters end: from the navel to the thighs
     anchors[:, 3, 1] = np.where(framing == 1, cut, anchors[:, 3, 1])
-    side, cuts = dice.choice([1, 1]), dice.chance(0.12 if domain == "wild" else 0.0)
+    side, cuts = dice.choice([1, 1]), dice.chance(0.06 if domain == "wild" else 0.0)
     for edge, which in ((0, 0), (2, 1)):
         anchors[:, edge, 0] = names.index("neck")
         beyond = dice.uniform(0.06, 0.16)
