@@ -44,11 +44,15 @@ class Take:
         return replace(self.cut(0, frames), features=other.features[:frames], onsets=other.cut(0, frames).onsets)
 
     def pieces(self):
-        """Its stretches of at least 34 valid frames, or the longest one where all are shorter; [] if none is valid."""
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], self.valid, [0]])))
-        runs = edges.reshape(-1, 2)
-        long = [run for run in runs if run[1] - run[0] >= FRAMES] or list(runs[np.argsort(runs[:, 0] - runs[:, 1])][:1])
-        return [self.cut(start, stop) for start, stop in long]
+        """Its `stretches` as Takes."""
+        return [self.cut(start, stop) for start, stop in stretches(self.valid)]
+
+
+def stretches(valid):
+    """(start, stop) of the runs of at least 34 valid frames, or of the longest where all are shorter; [] if none is."""
+    runs = np.flatnonzero(np.diff(np.concatenate([[0], valid, [0]]))).reshape(-1, 2)
+    longest = runs[np.argsort(runs[:, 0] - runs[:, 1])][:1]
+    return [run for run in runs if run[1] - run[0] >= FRAMES] or list(longest)
 
 
 @dataclass

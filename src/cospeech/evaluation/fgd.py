@@ -38,35 +38,35 @@ class Settings:
     learning_rate: float = 5e-4
 
 
-def _layer(layer, width):
-    return nn.Sequential(layer, nn.BatchNorm1d(width), nn.LeakyReLU(0.2))
+def _layer(layer, width, slope=0.2):
+    return nn.Sequential(layer, nn.BatchNorm1d(width), nn.LeakyReLU(slope))
 
 
 class AutoEncoder(nn.Module):
-    """(B, 34, 156) -> latent (B, L) -> (B, 34, 156)."""
+    """(B, 34, C) -> latent (B, L) -> (B, 34, C). `slope`: of the dense layers' activation below zero."""
 
-    def __init__(self, latent=32):
+    def __init__(self, latent=32, channels=CHANNELS, slope=0.2):
         super().__init__()
         self.encoder = nn.Sequential(
-            _layer(nn.Conv1d(CHANNELS, 32, 3), 32),
+            _layer(nn.Conv1d(channels, 32, 3), 32),
             _layer(nn.Conv1d(32, 64, 3), 64),
             _layer(nn.Conv1d(64, 64, 4, stride=2), 64),
             nn.Conv1d(64, 32, 3),
             nn.Flatten(),
-            _layer(nn.Linear(384, 256), 256),
-            _layer(nn.Linear(256, 128), 128),
+            _layer(nn.Linear(384, 256), 256, slope),
+            _layer(nn.Linear(256, 128), 128, slope),
             nn.Linear(128, latent),
         )
         self.decoder = nn.Sequential(
-            _layer(nn.Linear(latent, 64), 64),
+            _layer(nn.Linear(latent, 64), 64, slope),
             nn.Linear(64, 136),
             nn.Unflatten(1, (4, FRAMES)),
             _layer(nn.ConvTranspose1d(4, 32, 3), 32),
             _layer(nn.ConvTranspose1d(32, 32, 3), 32),
             nn.Conv1d(32, 32, 3),
-            nn.Conv1d(32, CHANNELS, 3),
+            nn.Conv1d(32, channels, 3),
         )
-        self.register_buffer("mean", torch.zeros(CHANNELS))
+        self.register_buffer("mean", torch.zeros(channels))
 
     def encode(self, windows):
         return self.encoder((windows - self.mean).swapaxes(1, 2))
@@ -92,13 +92,16 @@ class Reconstruction:
         adam = torch.optim.Adam(network.parameters(), settings.learning_rate, betas=(0.5, 0.999))
         self.optimizers = {"network": adam}
 
-    def iterate(self, step, rng):
-        real = torch.as_tensor(self.windows.sample(rng, self.batch)["pose"], device=device())
-        made = self.network(real)
-        loss = {
+    def loss(self, made, real):
+        """{term: scalar} of windows (B, 34, C)."""
+        return {
             "position": functional.l1_loss(made, real),
             "difference": functional.l1_loss(made.diff(dim=1), real.diff(dim=1)),
         }
+
+    def iterate(self, step, rng):
+        real = torch.as_tensor(self.windows.sample(rng, self.batch)["pose"], device=device())
+        loss = self.loss(self.network(real), real)
         optimizer = self.optimizers["network"]
         optimizer.zero_grad(set_to_none=True)
         sum(loss.values()).backward()

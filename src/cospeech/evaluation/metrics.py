@@ -47,21 +47,37 @@ def frechet_distance(a, b):
     return float(np.sum((a.mean(axis=0) - b.mean(axis=0)) ** 2) + max(spread, 0.0))
 
 
-def diversity(latents, pairs=500, seed=0):
-    """Mean L2 distance of `pairs` random pairs of different samples, (N, D) -> float (HA2G 4.3, appendix G.3).
+def diversity(latents, pairs=500, seed=0, norm=2):
+    """Mean distance of `pairs` random pairs of different samples, (N, D) -> float (HA2G 4.3, appendix G.3).
 
-    Where N samples have no more pairs than asked for, all of them are taken and the seed does not matter. Released
-    code draws batches instead of samples; this is the paper's definition. Raises CospeechError for N < 2.
+    `norm`: 2 for Euclidean, 1 for the sum of absolute differences. Where N samples have no more pairs than asked for,
+    all of them are taken and the seed does not matter. Released code draws batches instead of samples
+    (`diversity_of_batches`); this is the paper's definition. Raises CospeechError for N < 2.
     """
     latents, count = np.asarray(latents, np.float64), len(latents)
     if count < 2:
         raise CospeechError(f"diversity: {count} samples, a pair needs 2; give longer clips")
     if count * (count - 1) // 2 <= pairs:
-        return float(pdist(latents).mean())
+        return float(pdist(latents, "minkowski", p=norm).mean())
     rng = np.random.default_rng(seed)
     first = rng.integers(count, size=pairs)
     second = (first + rng.integers(1, count, size=pairs)) % count
-    return float(np.linalg.norm(latents[first] - latents[second], axis=1).mean())
+    return float(np.linalg.norm(latents[first] - latents[second], ord=norm, axis=1).mean())
+
+
+def diversity_of_batches(latents, batch=64, pairs=500, seed=0):
+    """Diversity as released HA2G code has it, (N, D) -> float: of no use but to compare with its figures.
+
+    The first `pairs` whole batches against as many drawn without replacement, sample by sample in their order, as sums
+    of absolute differences. A batch can meet itself and count as 0; samples after the last whole batch are left out.
+    NaN under one whole batch.
+    """
+    latents = np.asarray(latents, np.float64)
+    batches = latents[: len(latents) // batch * batch].reshape(-1, batch, latents.shape[1])
+    if not len(batches):
+        return float("nan")
+    shuffled = np.random.default_rng(seed).permutation(len(batches))[:pairs]
+    return float(np.abs(batches[:pairs] - batches[shuffled]).sum(axis=-1).mean())
 
 
 # ---- beats ----------------------------------------------------------------------------------------------------------
@@ -110,17 +126,33 @@ def motion_beats(positions, fps=15.0, threshold=0.03, maac=None, angles=BODY_ANG
     frames; where two equal minima stand side by side the beat is between them, and where the rate rests longer the
     beat is where the rest begins.
     """
-    changes = angle_changes(positions, angles)
+    return beats_of(angle_changes(positions, angles), fps, threshold, maac)
+
+
+def beats_of(changes, fps=15.0, threshold=0.03, maac=None):
+    """`motion_beats` of any angles' |changes| (T - 1, P) from frame to frame, in units of pi."""
+    rate = change_rate(changes, maac)
+    middle, step = rests(rate)
+    return (middle[step >= threshold] + 0.5) / fps
+
+
+def change_rate(changes, maac=None):
+    """Angle change rate (T - 1,): mean over the angles of |change| / MAAC (HA2G eq. 13); empty if nothing moves."""
     maac = changes.mean(axis=0) if maac is None and len(changes) else maac
     if len(changes) < 3 or not (maac > STILL).any():
         return np.zeros(0)
     moving = maac > STILL
-    rate = np.round((changes[:, moving] / maac[moving]).mean(axis=1), 4)  # so that float noise does not break ties
+    return np.round((changes[:, moving] / maac[moving]).mean(axis=1), 4)  # so that float noise does not break ties
+
+
+def rests(rate):
+    """Local minima of a change rate: where each is, in frames, and by how much its higher side rises in one frame."""
+    if not len(rate):
+        return np.zeros(0), np.zeros(0)
     _, plateau = find_peaks(-rate, plateau_size=1)
     left, right = plateau["left_edges"], plateau["right_edges"]
     step = np.maximum(rate[left - 1] - rate[left], rate[right + 1] - rate[right])
-    middle = np.where(right - left > 1, left - 0.5, (left + right) / 2)
-    return (middle[step >= threshold] + 0.5) / fps
+    return np.where(right - left > 1, left - 0.5, (left + right) / 2), step
 
 
 def beat_consistency(positions, onsets, fps=15.0, sigma=0.1, threshold=0.03, maac=None, angles=BODY_ANGLES):

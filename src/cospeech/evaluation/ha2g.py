@@ -1,0 +1,253 @@
+"""Table 1 of HA2G for any generator: FGD, beat consistency and diversity over the test clips of all speakers at once.
+
+Every row is judged on clips, so HA2G, its baselines and the generators of chapters 4 and 5 stand in one table. Motion
+is judged as its generator leaves it, without a common low-pass, as the publication does.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cospeech.clip import Clip
+from cospeech.errors import CospeechError, notice
+from cospeech.evaluation import beats, genea, metrics
+from cospeech.evaluation.evaluate import DRAWS, stretches
+from cospeech.evaluation.expressive import STRIDE, clip_vectors
+from cospeech.evaluation.fgd import FRAMES
+from cospeech.evaluation.ha2g_result import Judgement
+from cospeech.gestures.ha2g.levels import level_table
+
+ANGLES = "expressive43"  # the level table whose angles beats are found in
+
+
+@dataclass
+class Heard:
+    """A test clip's speech: onsets in seconds, and the onsets of each 34-frame window, as released code hears them."""
+
+    onsets: np.ndarray
+    windows: list
+
+    @classmethod
+    def of(cls, samples, rate, frames, fps):
+        """From the sound of a clip of so many frames."""
+        from cospeech.speech import speech_onsets
+
+        starts = range(0, frames - FRAMES + 1, STRIDE)
+        cuts = [slice(round(s / fps * rate), round((s + FRAMES) / fps * rate)) for s in starts]
+        onsets = speech_onsets(samples, rate)
+        return cls(onsets[onsets < frames / fps], [speech_onsets(samples[cut], rate) for cut in cuts])
+
+
+@dataclass
+class Yardstick:
+    """What every row is judged against; make it once with `build`.
+
+    truth {id: Clip}, heard {id: Heard}, rulers {name: Ruler}; latents {name: (of the test part, of the training part)};
+    mean_poses {subject: (positions (55, 3), rotation (3,))}.
+    """
+
+    truth: dict
+    heard: dict
+    rulers: dict
+    latents: dict
+    mean_poses: dict
+    maac: np.ndarray
+    threshold: float
+    sigma: float
+    fps: float
+    seed: int
+
+    @classmethod
+    def build(cls, truth, train, rulers, audio, *, threshold=None, sigma=beats.SIGMA, seed=0):
+        """From the test part, the training part and the rulers.
+
+        Parameters
+        ----------
+        truth : {id: Clip} of all speakers' test parts; an id is "<subject>/<clip>".
+        train : list of Clip, all speakers' training parts: MAAC, threshold, mean poses and `fgd_train` come from it.
+        rulers : {name: Ruler}, trained on `train`.
+        audio : {id: (samples (N,), rate)}; a clip without counts as silent.
+        threshold : of motion beats; None measures it (`beats.beat_threshold`). sigma : of BC, seconds. seed : of draws.
+        """
+        if not truth or not train:
+            raise CospeechError("evaluation: the training or the test part has no clip; change 'split:'")
+        fps, table = train[0].fps, level_table(ANGLES)
+        odd = next((name for name, clip in truth.items() if clip.fps != fps), None)
+        if odd:
+            raise CospeechError(f"{odd}: {truth[odd].fps} frames a second, the training part {fps}; use one rate")
+        pieces = [clip.section(*run) for clip in train for run in stretches(clip.valid)]
+        test = [clip.section(*run) for clip in truth.values() for run in stretches(clip.valid)]
+        if not pieces or not test:
+            raise CospeechError("evaluation: the training or the test part has no valid frame; look at the captures")
+        changes = [beats.angle_changes(clip_vectors(piece, table), table) for piece in pieces]
+        maac = beats.mean_angle_change(changes)
+        threshold = beats.beat_threshold(changes, maac) if threshold is None else threshold
+        silence = np.zeros(1), 16000
+        heard = {i: Heard.of(*audio.get(i, silence), clip.frames, fps) for i, clip in truth.items()}
+        means = {s: _mean_pose([p for p in pieces if p.subject == s] or pieces) for s in _subjects(truth.values())}
+        latents = {name: (_latents(ruler, test), _latents(ruler, pieces)) for name, ruler in rulers.items()}
+        return cls(truth, heard, rulers, latents, means, maac, threshold, sigma, fps, seed)
+
+
+def evaluate_ha2g(row, clips, yardstick, run=0):
+    """Judge {id: Clip} that a generator made for every test clip: the Judgement of `row`, its run number `run`.
+
+    CospeechError for a test clip that is missing or of another length.
+    """
+    for name, truth in yardstick.truth.items():
+        if name not in clips:
+            raise CospeechError(f"{row}: no generated clip for test clip {name!r}; synthesise it first")
+        made = clips[name]
+        if made.frames != truth.frames or made.fps != truth.fps:
+            raise CospeechError(
+                f"{row}: {name}: {made.frames} frames at {made.fps} fps, its truth {truth.frames} at {truth.fps}; "
+                "make it from the same audio"
+            )
+    return _judge(
+        row, run, {name: replace(clips[name], valid=c.valid) for name, c in yardstick.truth.items()}, yardstick
+    )
+
+
+def evaluate_baselines(yardstick):
+    """Judgements of `ha2g_result.BASELINES`, in their order; mismatched truth once for every way to mismatch the clips.
+
+    ground_truth : the test motion. mismatched : each test motion under the speech of the k-th next test clip of its
+    speaker, by name; run k (a speaker's only clip: its own motion, half its length later). shuffled : the test motion
+    with its frames in random order. mean_pose : each speaker's mean over the training part, held; of speakers
+    who are not in it, everyone's.
+    """
+    truth, rng = yardstick.truth, np.random.default_rng(yardstick.seed)
+    groups = {s: sorted(n for n, c in truth.items() if c.subject == s) for s in _subjects(truth.values())}
+    ways = max(1, max(map(len, groups.values())) - 1)
+    made = [("ground_truth", 0, truth)]
+    made += [("mismatched", k, _mismatched(truth, groups, k)) for k in range(1, ways + 1)]
+    order = {name: rng.permutation(clip.frames) for name, clip in truth.items()}
+    made += [("shuffled", 0, {n: _frames(clip, order[n]) for n, clip in truth.items()})]
+    made += [("mean_pose", 0, {n: _held(clip, *yardstick.mean_poses[clip.subject]) for n, clip in truth.items()})]
+    return [_judge(row, run, clips, yardstick) for row, run, clips in made]
+
+
+def _judge(row, run, clips, yardstick):
+    pieces, truths, onsets = [], [], []
+    for name, clip in clips.items():
+        truth, heard = yardstick.truth[name], yardstick.heard[name].onsets
+        frames = min(clip.frames, truth.frames)
+        for start, stop in stretches(clip.valid[:frames] & truth.valid[:frames]):
+            pieces.append(clip.section(start, stop))
+            truths.append(truth.positions[start:stop])
+            inside = (heard >= start / yardstick.fps) & (heard < stop / yardstick.fps)
+            onsets.append(heard[inside] - start / yardstick.fps)
+    if not pieces:
+        raise CospeechError(f"{row}: no valid frame in any test clip; look at what was captured")
+    found = _of_latents(pieces, yardstick)
+    found |= _of_beats(pieces, onsets, yardstick) | {"bc_compat": (_compatible_bc(clips, yardstick), np.nan)}
+    found |= _of_genea(pieces, truths, yardstick.fps)
+    attributes = {
+        "fps": yardstick.fps, "beat_threshold": yardstick.threshold, "beat_sigma": yardstick.sigma,
+        "window_frames": FRAMES, "window_stride": STRIDE, "clips": len(clips),
+    }  # fmt: skip
+    attributes |= {f"ruler_{name}_sha256": ruler.sha256 for name, ruler in yardstick.rulers.items()}
+    return Judgement(row, run, found, attributes)
+
+
+def _of_latents(pieces, yardstick):
+    """{metric: (value, deviation)}: FGD and diversity by every ruler."""
+    found = {}
+    for name, ruler in yardstick.rulers.items():
+        latents, (test, train) = _latents(ruler, pieces), yardstick.latents[name]
+        if min(len(latents), len(test), len(train)) < 2:
+            notice(f"test clips hold fewer than two windows of {FRAMES} frames, so FGD and diversity do not apply")
+            continue
+        draws = [metrics.diversity(latents, seed=yardstick.seed + i, norm=1) for i in range(DRAWS)]
+        for against, others in (("", test), ("train_", train)):
+            distance = metrics.frechet_distance(latents, others)
+            found[f"fgd_{against}{name}"] = round(distance, 9), np.nan  # so that rounding does not stand for a distance
+        found[f"diversity_{name}"] = np.mean(draws), np.std(draws)
+        found[f"diversity_batches_{name}"] = metrics.diversity_of_batches(latents, seed=yardstick.seed), np.nan
+        found["windows"] = len(latents), np.nan
+    return found
+
+
+def _of_beats(pieces, onsets, yardstick):
+    table = level_table(ANGLES)
+    changes = [beats.angle_changes(clip_vectors(piece, table), table) for piece in pieces]
+    thresholds = {"": yardstick.threshold} | {f"_{value:g}": value for value in beats.PUBLISHED.values()}
+    found = {}
+    for suffix, threshold in thresholds.items():
+        bc = beats.beat_consistency(
+            changes, onsets, yardstick.maac, threshold=threshold, sigma=yardstick.sigma, fps=yardstick.fps
+        )
+        found[f"bc{suffix}"] = bc.with_still, np.nan
+        found[f"bc_without_still{suffix}"] = bc.without_still, np.nan
+        found[f"bc_excess{suffix}"] = bc.excess, np.nan
+        if not suffix:
+            seconds = sum(piece.frames for piece in pieces) / yardstick.fps
+            found |= {"clips_silent": (bc.silent, np.nan), "clips_still": (bc.still, np.nan)}
+            found |= {"onsets": (bc.onsets, np.nan), "beat_rate": (bc.beats / seconds, np.nan)}
+    return found
+
+
+def _compatible_bc(clips, yardstick):
+    """BC of the windows of whole clips, as released code has it."""
+    table, changes, onsets = level_table(ANGLES), [], []
+    for name, clip in clips.items():
+        turns = beats.angle_changes(clip_vectors(clip, table), table)
+        starts = range(0, clip.frames - FRAMES + 1, STRIDE)
+        pairs = list(zip(starts, yardstick.heard[name].windows, strict=False))  # mismatched clips may be shorter
+        changes += [turns[start : start + FRAMES - 1] for start, _ in pairs]
+        onsets += [heard for _, heard in pairs]
+    return beats.released_beat_consistency(changes, onsets, yardstick.maac, sigma=yardstick.sigma, fps=yardstick.fps)
+
+
+def _of_genea(pieces, truths, fps):
+    motions = [piece.positions for piece in pieces]
+    groups = [[i for i, piece in enumerate(pieces) if piece.subject == subject] for subject in _subjects(pieces)]
+    correlations = [genea.cca_global([motions[i] for i in group], [truths[i] for i in group]) for group in groups]
+    return {
+        "genea_jerk": genea.average_jerk(motions, fps),
+        "genea_acceleration": genea.average_acceleration(motions, fps),
+        "genea_hellinger_speed": (genea.hellinger(motions, truths, 1, fps), np.nan),
+        "genea_hellinger_acceleration": (genea.hellinger(motions, truths, 2, fps), np.nan),
+        "genea_cca_global": (np.mean(correlations), np.nan),
+        "genea_cca_per_clip": (genea.cca_per_clip(motions, truths), np.nan),
+    }
+
+
+def _latents(ruler, clips):
+    return np.concatenate([ruler.latents(clip_vectors(clip, ruler.table)) for clip in clips])
+
+
+def _subjects(clips):
+    return list(dict.fromkeys(clip.subject for clip in clips))
+
+
+def _mean_pose(clips):
+    positions = np.concatenate([clip.positions for clip in clips]).mean(axis=0)
+    turns = [clip.rotation for clip in clips if clip.rotation is not None]
+    return positions, np.concatenate(turns).mean(axis=0) if turns else None
+
+
+def _held(clip, positions, rotation):
+    turn = None if rotation is None else np.repeat(rotation[None], clip.frames, axis=0)
+    return _moving(clip, np.repeat(positions[None], clip.frames, axis=0), turn)
+
+
+def _frames(clip, which):
+    return _moving(clip, clip.positions[which], None if clip.rotation is None else clip.rotation[which])
+
+
+def _moving(clip, positions, rotation):
+    return Clip(clip.subject, clip.clip, clip.fps, positions, clip.features, clip.valid, rotation=rotation)
+
+
+def _mismatched(truth, groups, k):
+    """{id: the motion to show under its speech} for the k-th way to mismatch."""
+    made = {}
+    for names in groups.values():
+        for i, name in enumerate(names):
+            if len(names) == 1:
+                made[name] = _frames(truth[name], np.roll(np.arange(truth[name].frames), truth[name].frames // 2))
+                continue
+            other = names[(i + 1 + (k - 1) % (len(names) - 1)) % len(names)]
+            made[name] = truth[other].section(0, min(truth[other].frames, truth[name].frames))
+    return made

@@ -1,0 +1,117 @@
+"""The cascade of HA2G (eq. 4): one bidirectional GRU per pose level, each starting from the level before it."""
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from cospeech.errors import CospeechError
+from cospeech.gestures.ha2g.audio import scaled
+
+HIDDEN = 300
+
+
+class GRU(nn.GRU):
+    """A GRU, batch first, whose directions are summed if it has two: (N, T, C) -> (N, T, hidden)."""
+
+    def __init__(self, channels, hidden, layers, dropout, bidirectional=True):
+        dropout = dropout if layers > 1 else 0.0
+        super().__init__(channels, hidden, layers, batch_first=True, dropout=dropout, bidirectional=bidirectional)
+
+    def forward(self, x):
+        if torch.compiler.is_exporting():
+            return self._as_onnx(x)
+        return sum(super().forward(x)[0].split(self.hidden_size, dim=2))
+
+    def _as_onnx(self, x):
+        """The same in ONNX's own operator; torch's exporter would unroll every frame, which takes it minutes."""
+        x = x.transpose(0, 1)
+        directions = ("", "_reverse") if self.bidirectional else ("",)
+        attributes = {"hidden_size": self.hidden_size, "linear_before_reset": 1,
+                      "direction": "bidirectional" if self.bidirectional else "forward"}  # fmt: skip
+        for layer in range(self.num_layers):
+            ends = [f"l{layer}{direction}" for direction in directions]
+            inputs, states, biases_in, biases = (
+                torch.stack([self._in_onnx_order(getattr(self, f"{name}_{end}")) for end in ends])
+                for name in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
+            )
+            shape = (x.shape[0], len(directions), x.shape[1], self.hidden_size)
+            given = (x, inputs, states, torch.cat([biases_in, biases], dim=1))
+            y = torch.onnx.ops.symbolic("GRU", given, attributes, dtype=x.dtype, shape=shape)
+            x = y.transpose(1, 2).flatten(2)  # the directions side by side
+        return y.sum(1).transpose(0, 1)
+
+    def _in_onnx_order(self, weights):
+        """Torch's reset, update, new as update, reset, new."""
+        size = self.hidden_size
+        return torch.cat([weights[size : 2 * size], weights[:size], weights[2 * size :]])
+
+
+class Level(nn.Module):
+    """One level: what is known of its poses, a flag, speech and style -> its poses (N, T, D)."""
+
+    def __init__(self, channels, conditions, hidden, layers, dropout):
+        super().__init__()
+        self.gru = GRU(channels + 1 + conditions, hidden, layers, dropout)
+        self.head = nn.Sequential(
+            nn.Linear(hidden, hidden // 2), nn.LeakyReLU(0.2), nn.Linear(hidden // 2, channels)
+        )  # fmt: skip
+
+    def forward(self, x):
+        return self.head(self.gru(x))
+
+
+FINGERS = ("index", "middle", "little", "ring", "thumb")
+HIERARCHIES = ("full", "none", "body", "hands")
+
+
+def inferred_levels(table, hierarchy="full"):
+    """Which levels of a `LevelTable` have a generator of their own, ascending; the last always has.
+
+    hierarchy : "full", every level; "none", the holistic generator of Table 4; "body", the hands at once (Table 4's
+        "without hand hierarchy"); "hands", the body at once ("without body hierarchy").
+    """
+    if hierarchy not in HIERARCHIES:
+        raise CospeechError(f"budget: ha2g.pose_hierarchy is {hierarchy!r}; known: {', '.join(HIERARCHIES)}")
+    of_hands = lambda v: any(finger in table.joints[table.bones[v][1]] for finger in FINGERS)  # noqa: E731
+    body = [level for level, added in enumerate(table.levels) if not of_hands(added[0])]
+    hands, last = range(len(body), len(table.levels)), len(table.levels) - 1
+    chosen = {"full": [*body, *hands], "none": [], "body": body, "hands": [body[-1], *hands]}[hierarchy]
+    return sorted({*chosen, last})
+
+
+class Cascade(nn.Module):
+    """Seed poses and conditions -> the poses of every level, coarse to fine; the last is the whole pose.
+
+    levels : list of the pose channels of every level, ascending, each containing those before it
+        (`LevelTable.channels`); one level alone is the holistic generator.
+    conditions : channels of what every level hears besides poses.
+    """
+
+    def __init__(self, levels, conditions, width=1.0, layers=4, dropout=0.3):
+        super().__init__()
+        hidden = scaled(HIDDEN, width, 2)
+        self.levels = nn.ModuleList(Level(len(c), conditions, hidden, layers, dropout) for c in levels)
+        before = {}
+        for level, channels in enumerate(levels):
+            self.register_buffer(f"channels{level}", torch.as_tensor(channels), persistent=False)
+            # Where a level finds its slots in the level before it; new ones find the zero appended to that.
+            slots = [before.get(channel, len(before)) for channel in channels.tolist()]
+            self.register_buffer(f"slots{level}", torch.tensor(slots), persistent=False)
+            before = {channel: slot for slot, channel in enumerate(channels.tolist())}
+
+    def of_level(self, level, poses):
+        """The channels of a level in whole poses (..., C)."""
+        return poses.index_select(-1, getattr(self, f"channels{level}"))
+
+    def forward(self, seed, conditions):
+        """seed (N, 4, C), conditions: per level (N, T, K) -> per level (N, T, D)."""
+        given, frames = seed.shape[1], conditions[0].shape[1]
+        flag = F.pad(seed.new_ones(seed.shape[0], given, 1), (0, 0, 0, frames - given))
+        zero = seed.new_zeros(seed.shape[0], frames, 1)
+        carried, poses = zero, []
+        for level, network in enumerate(self.levels):
+            known = carried[:, given:].index_select(2, getattr(self, f"slots{level}"))
+            known = torch.cat([self.of_level(level, seed), known], dim=1)
+            poses.append(network(torch.cat([known, flag, conditions[level]], dim=2)))
+            carried = torch.cat([poses[-1], zero], dim=2)
+        return poses

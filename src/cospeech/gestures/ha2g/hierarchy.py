@@ -1,0 +1,216 @@
+"""HA2G (Liu et al. 2022): three levels of audio, blended by a speaker's style, drive a cascade of pose levels.
+
+The preset `paper` is the publication's text, `released` its public code; they differ as reference section 7 lists.
+Words teach the audio encoder (eq. 2) and, in `released` alone, are heard when generating.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import nn
+
+from cospeech.errors import CospeechError
+from cospeech.gestures.ha2g import losses
+from cospeech.gestures.ha2g.audio import FEATURES, LEVELS, SpectrogramEncoder
+from cospeech.gestures.ha2g.corpus import FRAMES
+from cospeech.gestures.ha2g.discriminator import Discriminator
+from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
+from cospeech.gestures.ha2g.style import SpeakerStyle, StyleCoordinator, blend, draw
+from cospeech.gestures.ha2g.task import AdversarialTask
+from cospeech.gestures.ha2g.text import TextEncoder
+from cospeech.settings import settings_of
+from cospeech.training import device
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of one training; the defaults are the paper's on TED Expressive, as far as it or its logs print them.
+
+    Sizes: width, a factor on all channels; blocks of ResNetSE34's stages; layers of each GRU and of the text encoder.
+    warm_up: share of the training before the discriminator joins (10 epochs). discriminator_rate: its learning rate
+    over the generator's. r1: weight of its gradient penalty, a guard against divergence that is not published.
+    style: size of a style vector. style_input: whether the generators hear it (the released code's do; eq. 4 of the
+    paper prints poses and audio alone). coordinator: "linear" or "mlp". reblend: whether the random styles of the
+    style diverging loss blend the audio themselves (the released code forgets it, so that the coordinator learns
+    nothing from that loss).
+    text: whether words are used at all. text_input: whether the generators hear them. text_centred: 16 words around a
+    frame, or 31 up to it. text_copies: whether each generator has a text encoder of its own.
+    contrast: "temperature" or "distance", with the temperature (not published; ours). contrast_frames: random frames
+    of a batch that it compares, 0 for all.
+    in_level_negatives, cross_level_negatives, audio_levels, same_audio, pose_hierarchy: Tables 3 and 4, see `models`.
+    slope: of the discriminator's LeakyReLU. weights: of the loss terms; the contrastive one is not published.
+    """
+
+    preset: str = "paper"
+    epochs: float = 180.0
+    steps: int = 0
+    batch: int = 64
+    learning_rate: float = 5e-4
+    discriminator_rate: float = 0.2
+    betas: tuple = (0.5, 0.999)
+    warm_up: float = 0.1
+    r1: float = 0.0
+    width: float = 1.0
+    blocks: tuple = (3, 4, 6, 3)
+    layers: int = 4
+    dropout: float = 0.3
+    slope: float = 0.2
+    style: int = 18
+    style_input: bool = True
+    coordinator: str = "linear"
+    reblend: bool = True
+    text: bool = True
+    text_input: bool = False
+    text_centred: bool = True
+    text_copies: bool = False
+    contrast: str = "temperature"
+    temperature: float = 0.1
+    contrast_frames: int = 0
+    in_level_negatives: bool = True
+    cross_level_negatives: bool = True
+    audio_levels: tuple = LEVELS
+    same_audio: bool = False
+    pose_hierarchy: str = "full"
+    weights: dict = field(default_factory=lambda: {
+        "huber": 166.7, "adversarial": 5.0, "divergence": 0.1, "diverging": 0.05, "physical": 0.01, "contrastive": 0.2,
+    })  # fmt: skip
+
+
+RELEASED = {"epochs": 100.0, "batch": 96, "slope": 0.01, "style": 16, "coordinator": "mlp", "reblend": False,
+            "text_input": True, "text_centred": False, "text_copies": True, "contrast": "distance"}  # fmt: skip
+# (batch, epochs, weight of Huber) where a level table has others than those above: of the logs behind the paper's
+# numbers, and of the code's newest configuration.
+OF_TABLE = {("paper", "ted10"): (128, 100.0, 70.0), ("released", "ted10"): (256, 100.0, 70.0),
+            ("released", "expressive43"): (96, 100.0, 250.0)}  # fmt: skip
+CHOICES = {"coordinator": ("linear", "mlp"), "contrast": ("temperature", "distance")}
+
+
+def published(preset, table):
+    """The `Settings` of a preset, "paper" or "released", for a level table by name."""
+    if preset not in ("paper", "released"):
+        raise CospeechError(f"budget: ha2g.preset is {preset!r}; known: paper, released")
+    settings = replace(Settings(), preset=preset, **(RELEASED if preset == "released" else {}))
+    if (preset, table) in OF_TABLE:
+        batch, epochs, huber = OF_TABLE[preset, table]
+        settings = replace(settings, batch=batch, epochs=epochs, weights={**settings.weights, "huber": huber})
+    return settings
+
+
+class HA2G(nn.Module):
+    """Speech and four seed poses -> poses (N, 34, 3V): unit bone vectors minus the training mean."""
+
+    def __init__(self, corpus, settings):
+        super().__init__()
+        s, table = settings, corpus.levels
+        levels = inferred_levels(table, s.pose_hierarchy)
+        self.inputs = ("mel", "seed", "speaker", "style", *(["words"] if s.text_input else []))
+        self.style_input = s.style_input
+        self.audio = SpectrogramEncoder(s.blocks, s.width)
+        self.style = SpeakerStyle(len(corpus.speakers), s.style)
+        self.coordinator = StyleCoordinator(
+            s.coordinator, len(corpus.speakers), s.style, len(levels), s.audio_levels, s.same_audio
+        )
+        encoders = 1 + len(levels) * (s.text_input and s.text_copies) if s.text else 0
+        self.texts = nn.ModuleList(
+            TextEncoder(corpus.vocabulary, s.width, s.layers, s.text_centred, s.dropout) for _ in range(encoders)
+        )
+        conditions = FEATURES + s.style * s.style_input + FEATURES * s.text_input
+        channels = [table.channels(level) for level in levels]
+        self.cascade = Cascade(channels, conditions, s.width, s.layers, s.dropout)
+
+    def heard(self, words):
+        """What the generators hear of words (N, T): features for each level, from its own encoder or from the one."""
+        copies = self.texts[1:] if len(self.texts) > 1 else self.texts
+        features = [encoder(words) for encoder in copies]
+        return features * len(self.cascade.levels) if len(copies) == 1 else features
+
+    def infer(self, features, shares, style, seed, texts=None):
+        """Audio features (N, 3, T, 32), shares (N, L, 3), style (N, Z), seed (N, 4, C) -> poses of every level."""
+        conditions = []
+        for level, audio in enumerate(blend(shares, features).unbind(1)):
+            parts = [audio]
+            if self.style_input:
+                parts.append(style[:, None].expand(-1, audio.shape[1], -1))
+            if texts is not None:
+                parts.append(texts[level])
+            conditions.append(torch.cat(parts, dim=2))
+        return self.cascade(seed, conditions)
+
+    def forward(self, mel, seed, speaker, style, words=None):
+        """mel (N, 128, 70) dB, seed (N, 4, 3V), speaker weights (N, S), style (N, Z) added to theirs, words (N, 34)."""
+        style = self.style(speaker)[0] + style
+        texts = None if words is None else self.heard(words.long())
+        return self.infer(self.audio(mel), self.coordinator(speaker, style), style, seed, texts)[-1]
+
+
+class HA2GTask(AdversarialTask):
+    """Training of HA2G, for `cospeech.training.train`: all of it in one optimiser, the discriminator in another."""
+
+    model = "ha2g"
+
+    @staticmethod
+    def settings_of(mapping, corpus):
+        """`Settings` of a budget's section: those of its `preset`, with its other keys."""
+        settings = settings_of(published(mapping.get("preset", "paper"), corpus.levels.name), mapping, "ha2g")
+        for key, known in CHOICES.items():
+            if getattr(settings, key) not in known:
+                raise CospeechError(f"budget: ha2g.{key} is {getattr(settings, key)!r}; known: {', '.join(known)}")
+        if not settings.audio_levels or set(settings.audio_levels) - set(LEVELS):
+            raise CospeechError(f"budget: ha2g.audio_levels is {settings.audio_levels!r}; some of {', '.join(LEVELS)}")
+        if settings.text_input and not settings.text:
+            settings = replace(settings, text_input=False)
+        return settings
+
+    def __init__(self, corpus, settings, seed):
+        super().__init__(corpus, settings, seed)
+        s = self.settings
+        self.heard = ("mel", "speaker", *(["words"] if s.text else []))
+        self.generator = self.add("generator", HA2G(corpus, s), s.learning_rate, s.betas)
+        if s.weights["adversarial"]:
+            judge = Discriminator(self.channels, FRAMES, s.slope, s.width, s.layers, s.dropout)
+            self.add("discriminator", judge, s.discriminator_rate * s.learning_rate, s.betas)
+        tensor = lambda array: torch.as_tensor(array, dtype=torch.float32, device=device())  # noqa: E731
+        self.mean = tensor(corpus.mean)
+        self.angles = [tensor(array) for array in corpus.angle_statistics()]
+
+    def reconstruct(self, batch):
+        network, weights = self.generator, self.settings.weights
+        features = network.audio(batch["mel"])
+        mean, log_variance = network.style(batch["speaker"])
+        style = draw(mean, log_variance)
+        shares = network.coordinator(batch["speaker"], style)
+        texts = network.heard(batch["words"]) if self.settings.text_input else None
+        levels = network.infer(features, shares, style, batch["seed"], texts)
+        targets = [network.cascade.of_level(level, batch["poses"]) for level in range(len(levels))]
+        terms = {"huber": losses.huber(levels, targets), "divergence": losses.divergence(mean, log_variance)}
+        if weights["contrastive"] and self.settings.text:
+            terms["contrastive"] = self._contrast(batch["words"], features)
+        if weights["diverging"]:
+            others, other = self._with_another_style(batch, features, shares, texts)
+            terms["diverging"] = losses.diverging(levels[-1], others, style, other)
+        if weights["physical"]:
+            vectors = (levels[-1] + self.mean).unflatten(2, (-1, 3))
+            terms["physical"] = losses.physical(losses.included_angles(vectors, self.corpus.levels), *self.angles)
+        return levels[-1], terms
+
+    @torch.no_grad()
+    def _with_another_style(self, batch, features, shares, texts):
+        """Poses and style vector when a random speaker says the same."""
+        network = self.generator
+        speaker = self.weights_of(torch.randint(len(self.corpus.speakers), (len(shares),), device=shares.device))
+        style = draw(*network.style(speaker))
+        if self.settings.reblend:
+            shares = network.coordinator(speaker, style)
+        return network.infer(features, shares, style, batch["seed"], texts)[-1], style
+
+    def _contrast(self, words, features):
+        """Eq. 2 on the frames of the batch, or on some of them."""
+        s = self.settings
+        text = self.generator.texts[0](words).flatten(0, 1)
+        features = features.transpose(0, 1).flatten(1, 2)
+        if 0 < s.contrast_frames < len(text):
+            chosen = torch.randperm(len(text), device=text.device)[: s.contrast_frames]
+            text, features = text[chosen], features[:, chosen]
+        if s.contrast == "distance":
+            return losses.contrastive_by_distance(text, features)
+        return losses.contrastive(text, features, s.temperature, s.in_level_negatives, s.cross_level_negatives)

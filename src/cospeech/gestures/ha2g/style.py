@@ -1,0 +1,65 @@
+"""Who speaks: a distribution of style vectors for every speaker, and how each blends the levels of audio (eq. 3).
+
+A speaker is given by weights (N, S) over the speakers of the training: one of them, a mixture by name and weight, or
+none at all (zeros), to which a style vector drawn from a normal distribution is added.
+"""
+
+import torch
+from torch import nn
+
+from cospeech.gestures.ha2g.audio import LEVELS
+
+
+class SpeakerStyle(nn.Module):
+    """Speaker weights (N, S) -> mean and log variance of the style vector, (N, size) each."""
+
+    def __init__(self, speakers, size):
+        super().__init__()
+        self.embedding = nn.Embedding(speakers, size)
+        self.linear = nn.Linear(size, size)
+        self.mean = nn.Linear(size, size)
+        self.log_variance = nn.Linear(size, size)
+
+    def forward(self, weights):
+        x = self.linear(weights @ self.embedding.weight)
+        # Without a speaker the mean is that of the prior, 0, and a drawn style vector alone decides.
+        return self.mean(x) * weights.sum(1, keepdim=True), self.log_variance(x)
+
+
+def draw(mean, log_variance):
+    """A style vector from its distribution, differentiable in both."""
+    return mean + torch.exp(log_variance / 2) * torch.randn_like(mean)
+
+
+class StyleCoordinator(nn.Module):
+    """Shares of low, mid and high audio at every pose level, (N, levels, 3); each level's sum to one.
+
+    form : "linear", the paper's FC(18, 18) on the style vector (for six levels); "mlp", the released code's, which has
+        an embedding of the speakers to itself: 16, 16, 32, 3 x levels with ELU.
+    audio_levels : those of `LEVELS` that may have a share (Table 3); same : one blend for all levels (Table 4).
+    """
+
+    def __init__(self, form, speakers, size, levels, audio_levels=LEVELS, same=False):
+        super().__init__()
+        self.levels, self.columns = levels, 1 if same else levels
+        count = len(LEVELS) * self.columns
+        self.embedding = None
+        if form == "mlp":
+            self.embedding = nn.Embedding(speakers, 16)
+            self.body = nn.Sequential(
+                nn.Linear(16, 16), nn.ELU(), nn.Linear(16, 32), nn.ELU(), nn.Linear(32, count)
+            )  # fmt: skip
+        else:
+            self.body = nn.Linear(size, count)
+        barred = [0.0 if level in audio_levels else -torch.inf for level in LEVELS]
+        self.register_buffer("barred", torch.tensor(barred))
+
+    def forward(self, weights, style):
+        x = self.body(style if self.embedding is None else weights @ self.embedding.weight)
+        shares = torch.softmax(x.unflatten(1, (self.columns, len(LEVELS))) + self.barred, dim=2)
+        return shares.expand(-1, self.levels, -1)
+
+
+def blend(shares, features):
+    """Eq. 3: shares (N, L, 3), features (N, 3, T, 32) -> (N, L, T, 32)."""
+    return torch.einsum("nlk,nktc->nltc", shares, features)

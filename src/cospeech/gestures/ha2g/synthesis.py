@@ -1,0 +1,223 @@
+"""HA2G and its baselines from training to long speech: one unit of 34 frames after the other, joined where they meet.
+
+Each unit begins with the last 4 poses of the one before and is faded in over them (Yoon et al. 2020; HA2G's released
+code). Where a unit begins in the speech is counted in seconds on every clock, so that nothing drifts.
+"""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from cospeech.errors import CospeechError, notice
+from cospeech.gestures.ha2g.bones import Figure, motion_from_vectors
+from cospeech.gestures.ha2g.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
+from cospeech.gestures.ha2g.levels import level_table
+from cospeech.gestures.ha2g.vocabulary import Vocabulary
+from cospeech.speech.mel import COLUMNS, HOP, S2G_COLUMNS, S2G_HOP, column_at, log_mel, log_mel_s2g
+from cospeech.speech.mfcc import RATE
+from cospeech.weights import OnnxNetwork
+
+HOP_FRAMES = FRAMES - SEED_FRAMES  # from one unit's first frame to the next one's
+STARTS = 64  # beginnings of training windows that a model keeps to start from
+RANDOM = "random"  # the style that is drawn
+
+
+def train_shared(model, corpus, settings, *, seed, folder, checkpoint=None, threads=None):
+    """Train one of `models.MODELS` on a `Corpus` and write weights.safetensors, model.onnx and history.h5 to `folder`.
+
+    settings : dict, the budget's section; missing keys have the published values. checkpoint : path for resuming,
+    outside `folder`. threads : int, CPU threads of torch.
+    """
+    import json
+    from hashlib import sha256
+
+    import torch
+
+    from cospeech.gestures.ha2g.models import ha2g_task
+    from cospeech.training import finish, train
+    from cospeech.weights import export_onnx, save_weights
+
+    if threads:
+        torch.set_num_threads(threads)
+    task = ha2g_task(model, corpus, settings, seed)
+    description = task.description | {
+        "starts": _starts(corpus, seed), "figures": {name: f.lists() for name, f in corpus.figures.items()}
+    }  # fmt: skip
+    identity = sha256((json.dumps(description, sort_keys=True) + corpus.digest()).encode()).hexdigest()
+    history = train(
+        task, task.settings.steps, seed=seed, checkpoint=checkpoint, identity=identity,
+        label=f"{'+'.join(corpus.speakers[:3])} {model}",
+    )  # fmt: skip
+    module, example, outputs = task.export()
+    folder = Path(folder)
+    save_weights(folder / "weights.safetensors", module.state_dict(), task.description)
+    export_onnx(module, folder / "model.onnx", example, outputs, description, sequences=False)
+    history.write(folder / "history.h5")
+    finish(checkpoint)
+
+
+def _starts(corpus, seed):
+    """The first poses of some training windows and who speaks in them: {"poses": (K, 4, 3V), "speaker": (K,)} lists."""
+    chosen = np.random.default_rng(seed).permutation(len(corpus))
+    speaker = corpus.speaker[chosen]
+    # From every speaker equally many, as far as there are so many speakers' windows.
+    rank = np.zeros(len(chosen), int)
+    for number in range(len(corpus.speakers)):
+        rank[speaker == number] = np.arange(np.sum(speaker == number))
+    chosen = np.sort(chosen[np.argsort(rank, kind="stable")[:STARTS]])
+    arrays = corpus.windows(chosen, ("poses", "speaker"))
+    return {"poses": np.round(arrays["poses"][:, :SEED_FRAMES], 4).tolist(), "speaker": arrays["speaker"].tolist()}
+
+
+class SharedGenerator:
+    """A network of `models`: speech of any length in, motion out, in the style of any speaker.
+
+    network : path of its ONNX file, or what is called like an `OnnxNetwork` and has a `description`.
+    """
+
+    def __init__(self, network, threads=None):
+        self.network = network if callable(network) else OnnxNetwork(network, threads)
+        self.description = about = self.network.description
+        self.table = level_table(about["levels"])
+        self.speakers = about["speakers"]
+        self.inputs = about["inputs"]
+        self.vocabulary = Vocabulary(tuple(about["vocabulary"])) if about["vocabulary"] else None
+        self.mean = np.array(about["mean"], np.float32)
+        self.figures = {name: Figure.of(lists) for name, lists in about["figures"].items()}
+
+    def hearing(self, samples, rate, words=None):
+        """This generator as `cospeech.synthesis.synthesize` calls one: with the speech itself instead of features."""
+        return _Hearing(partial(self.generate, samples, rate, words=words))
+
+    def generate(self, samples, rate, frames=None, *, words=None, style=None, initial=RANDOM, seed=0):
+        """The motion of a speech.
+
+        Parameters
+        ----------
+        samples : (N,) float32 mono at `rate` Hz. frames : how many, or round(duration * 15).
+        words : `Words` of the speech, for networks that hear them; None leaves them unheard.
+        style : {speaker: weight}, "calm", "calm=0.7,lively=0.3", or "random" for a style vector drawn from the normal
+            distribution; None is every speaker's by the same weight.
+        initial : the poses before the first frame, "random" from the training part or "mean". seed : of what is drawn.
+
+        Returns `Motion` of `frames` frames; its bones are those of the style's speakers, mixed by weight.
+        """
+        frames = round(len(samples) / rate * FPS) if frames is None else frames
+        weights, rng = self.weights_of(style), np.random.default_rng(seed)
+        given = {"seed": self._initial(initial, weights, rng)[None], "speaker": weights[None].astype(np.float32)}
+        if "style" in self.inputs:
+            vector = rng.standard_normal(self.inputs["style"]) if style == RANDOM else np.zeros(self.inputs["style"])
+            given["style"] = vector[None].astype(np.float32)
+        heard = self._heard(samples, rate, frames, words)
+        poses = self._units(heard, given, unit_starts(frames))[:frames]
+        vectors = (poses + self.mean).reshape(len(poses), -1, 3)
+        shares = weights if weights.any() else np.full(len(weights), 1 / len(weights))
+        figure = Figure.mixed([self.figures[name] for name in self.speakers], shares)
+        return motion_from_vectors(vectors, self.table, figure)
+
+    def weights_of(self, style):
+        """A style as weights over the speakers, (S,), which sum to one, or to zero for "random"."""
+        if style == RANDOM:
+            return np.zeros(len(self.speakers))
+        weights = parse_style(style) if isinstance(style, str) else style or dict.fromkeys(self.speakers, 1.0)
+        for name in weights:
+            if name not in self.speakers:
+                raise CospeechError(f"style: no speaker {name!r}; known: {', '.join(self.speakers)}, or {RANDOM}")
+        given = np.array([weights.get(name, 0.0) for name in self.speakers])
+        return given / given.sum()
+
+    def _initial(self, initial, weights, rng):
+        """(4, 3V) poses before the first frame, of one of the style's speakers."""
+        if initial not in (RANDOM, "mean"):
+            raise CospeechError(f"initial: {initial!r} is not known; known: {RANDOM}, mean")
+        starts = self.description["starts"]
+        chances = weights[starts["speaker"]] if weights.any() else np.ones(len(starts["speaker"]))
+        which = rng.choice(len(chances), p=chances / chances.sum()) if chances.any() else None
+        if initial == "mean" or which is None:
+            return np.zeros(self.inputs["seed"], np.float32)
+        return np.array(starts["poses"][which], np.float32)
+
+    def _heard(self, samples, rate, frames, words):
+        """{input: function of a unit's first frame} for what this network hears of the speech."""
+        import soxr
+
+        samples = np.asarray(samples, np.float32)
+        samples = samples if rate == RATE else soxr.resample(samples, rate, RATE, quality="HQ")
+        reach = round(unit_starts(frames)[-1] / FPS * RATE) + SAMPLES + 2 * HOP
+        samples = np.pad(samples, (0, max(0, reach - len(samples))))
+        heard = {}
+        if "mel" in self.inputs:
+            mel = log_mel(samples)
+            heard["mel"] = lambda frame: _cut(mel, column_at(frame / FPS, HOP), COLUMNS)
+        if "s2g_mel" in self.inputs:
+            s2g = log_mel_s2g(samples)
+            heard["s2g_mel"] = lambda frame: _cut(s2g, column_at(frame / FPS, S2G_HOP), S2G_COLUMNS).T
+        if "wave" in self.inputs:
+            heard["wave"] = lambda frame: _cut(samples, round(frame / FPS * RATE), SAMPLES)
+        if "words" in self.inputs:
+            if words is None or not len(words):
+                notice(f"{self.description['model']} hears words, and the speech has none: give --words or --recognize")
+            numbers = np.zeros(unit_starts(frames)[-1] + FRAMES, np.float32)
+            if words is not None:
+                numbers[:frames] = self.vocabulary.frames(words, frames, FPS)
+            heard["words"] = lambda frame: numbers[frame : frame + FRAMES]
+        return heard
+
+    def _units(self, heard, given, starts):
+        """Every unit's poses, each begun with the last poses of the one before, joined: (34 + 30 (K - 1), 3V)."""
+        units = []
+        for frame in starts:
+            arrays = {name: cut(frame)[None] for name, cut in heard.items()} | given
+            units.append(self.network(**{name: arrays[name] for name in self.inputs})[0][0])
+            given["seed"] = units[-1][None, -SEED_FRAMES:]
+        return cross_fade(units)
+
+
+class _Hearing:
+    """A generator of motion for the length of some features, whatever they say."""
+
+    def __init__(self, speak):
+        self.speak = speak
+
+    def generate(self, features, *, seed=0, **options):
+        return self.speak(len(features), seed=seed, **options)
+
+
+def unit_starts(frames):
+    """First frames of the units that make a motion of this length: 0, 30, 60, ..."""
+    return np.arange(0, max(1, frames - SEED_FRAMES), HOP_FRAMES)
+
+
+def cross_fade(units, over=SEED_FRAMES):
+    """Join units whose first `over` frames lie on the last ones of the unit before: (K x (34, C)) -> (T, C).
+
+    Frame j of the overlap is prev (n - j) / (n + 1) + next (j + 1) / (n + 1), n = over.
+    """
+    share = (np.arange(over, dtype=np.float32)[:, None] + 1) / (over + 1)
+    joined = [units[0]]
+    for unit in units[1:]:
+        before = joined[-1][-over:]
+        joined[-1] = joined[-1][:-over]
+        joined.append(np.concatenate([before * (1 - share) + unit[:over] * share, unit[over:]]))
+    return np.concatenate(joined)
+
+
+def parse_style(text):
+    """ "calm=0.7,lively=0.3", or one name, as {speaker: weight}."""
+    weights = {}
+    for part in text.split(","):
+        name, _, weight = (piece.strip() for piece in part.partition("="))
+        try:
+            weights[name] = float(weight or 1.0)
+        except ValueError:
+            weights[name] = -1.0
+        if not name or not 0 <= weights[name] < np.inf:
+            raise CospeechError(f"style: {text!r} is not understood; write it like calm=0.7,lively=0.3")
+    if not sum(weights.values()):
+        raise CospeechError(f"style: {text!r} weighs nobody; give one speaker a weight over 0")
+    return weights
+
+
+def _cut(array, start, length):
+    return array[..., start : start + length]

@@ -1,0 +1,106 @@
+"""Trimodal (Yoon et al. 2020): words, wave and speaker drive one bidirectional GRU, with a discriminator of poses.
+
+It is the cascade of `generator` with one level, other ears and other weights (reference section 8).
+"""
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import nn
+
+from cospeech.gestures.ha2g import losses
+from cospeech.gestures.ha2g.audio import FEATURES, WaveEncoder
+from cospeech.gestures.ha2g.corpus import FRAMES
+from cospeech.gestures.ha2g.discriminator import Discriminator
+from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
+from cospeech.gestures.ha2g.style import SpeakerStyle, draw
+from cospeech.gestures.ha2g.task import AdversarialTask
+from cospeech.gestures.ha2g.text import TextEncoder
+from cospeech.settings import settings_of
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of one training; the defaults are published. The keys mean what they mean in `hierarchy.Settings`."""
+
+    epochs: float = 100.0
+    steps: int = 0
+    batch: int = 128
+    learning_rate: float = 5e-4
+    discriminator_rate: float = 0.2
+    betas: tuple = (0.5, 0.999)
+    warm_up: float = 0.1
+    r1: float = 0.0
+    width: float = 1.0
+    layers: int = 4
+    dropout: float = 0.3
+    slope: float = 0.2
+    style: int = 16
+    weights: dict = field(
+        default_factory=lambda: {"huber": 500.0, "adversarial": 5.0, "divergence": 0.1, "diverging": 0.05}
+    )
+
+
+class Trimodal(nn.Module):
+    """Wave, words, speaker and four seed poses -> poses (N, 34, 3V)."""
+
+    inputs = ("wave", "words", "seed", "speaker", "style")
+
+    def __init__(self, corpus, settings):
+        super().__init__()
+        s, table = settings, corpus.levels
+        self.audio = WaveEncoder(s.width)
+        self.text = TextEncoder(corpus.vocabulary, s.width, s.layers, dropout=s.dropout)
+        self.style = SpeakerStyle(len(corpus.speakers), s.style)
+        channels = [table.channels(level) for level in inferred_levels(table, "none")]
+        self.cascade = Cascade(channels, 2 * FEATURES + s.style, s.width, s.layers, s.dropout)
+
+    def infer(self, heard, style, seed):
+        """heard (N, T, 64) of wave and words, style (N, Z), seed (N, 4, C) -> poses (N, T, C)."""
+        return self.cascade(seed, [torch.cat([heard, style[:, None].expand(-1, heard.shape[1], -1)], dim=2)])[0]
+
+    def hear(self, wave, words):
+        return torch.cat([self.audio(wave), self.text(words)], dim=2)
+
+    def forward(self, wave, words, seed, speaker, style):
+        """wave (N, 36267), words (N, 34), seed (N, 4, 3V), speaker weights (N, S), style (N, Z) added to theirs."""
+        return self.infer(self.hear(wave, words.long()), self.style(speaker)[0] + style, seed)
+
+
+class TrimodalTask(AdversarialTask):
+    """Training of Trimodal, for `cospeech.training.train`."""
+
+    model = "trimodal"
+    heard = ("wave", "words", "speaker")
+
+    @staticmethod
+    def settings_of(mapping, corpus):
+        """`Settings` of a budget's section."""
+        del corpus
+        return settings_of(Settings(), mapping, "trimodal")
+
+    def __init__(self, corpus, settings, seed):
+        super().__init__(corpus, settings, seed)
+        s = self.settings
+        self.generator = self.add("generator", Trimodal(corpus, s), s.learning_rate, s.betas)
+        if s.weights["adversarial"]:
+            judge = Discriminator(self.channels, FRAMES, s.slope, s.width, s.layers, s.dropout)
+            self.add("discriminator", judge, s.discriminator_rate * s.learning_rate, s.betas)
+
+    def reconstruct(self, batch):
+        network = self.generator
+        mean, log_variance = network.style(batch["speaker"])
+        style = draw(mean, log_variance)
+        heard = network.hear(batch["wave"], batch["words"])
+        poses = network.infer(heard, style, batch["seed"])
+        terms = {
+            "huber": losses.huber([poses], [batch["poses"]]),
+            "divergence": losses.divergence(mean, log_variance),
+        }
+        if self.settings.weights["diverging"]:
+            with torch.no_grad():
+                speaker = torch.randint(len(self.corpus.speakers), (len(poses),), device=poses.device)
+                other = draw(*network.style(self.weights_of(speaker)))
+                others = network.infer(heard, other, batch["seed"])
+            terms["diverging"] = losses.diverging(poses, others, style, other)
+        return poses, terms
