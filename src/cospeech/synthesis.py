@@ -13,11 +13,13 @@ from scipy.ndimage import gaussian_filter1d
 
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError
-from cospeech.gestures.models import GESTURES, gesture_task
+from cospeech.gestures.models import CONTROLLED, GESTURES, gesture_task
+from cospeech.split import Split
 
 TRAINED = (*GESTURES, "resync")  # have weights under results/<subject>/models/
 MATCHED = ("knn", "resync")  # need the subject's database
-MODELS = (*GESTURES, *MATCHED)
+BASELINES = ("mean_pose", "random")  # need the subject's training part alone
+MODELS = (*GESTURES, *MATCHED, *BASELINES)
 AUDIO_RANKS = ("plain", "learned")
 SMOOTHING = 1.5  # frames; published Gaussian on body, hands and head rotation at 15 Hz (thesis section 4.3)
 
@@ -68,7 +70,23 @@ def _task(model, clips, settings, seed, database, starts):
         from cospeech.matching.resync import ResyncTask, settings_from
 
         return ResyncTask(clips, settings_from(settings), seed, database, starts)
-    return gesture_task(model, clips, settings, seed)
+    return gesture_task(model, clips, settings, seed, _control_of(model, clips))
+
+
+def _control_of(model, clips):
+    """What a control variant is told in training: its signal in every clip, list of (T,); None for other models."""
+    if model not in CONTROLLED:
+        return None
+    from cospeech.matching.signals import SIGNALS
+
+    return [SIGNALS[CONTROLLED[model]](clip.positions, clip.fps) for clip in clips]
+
+
+def training_part(subject_folder):
+    """The clips of the training part of the subject whose results lie in `subject_folder`, cut to it."""
+    folder = Path(subject_folder)
+    ranges = Split.read(folder / "split.h5").of("train")
+    return [Clip.read(folder / "clips" / f"{take}.h5").section(start, stop) for take, start, stop in ranges]
 
 
 def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
@@ -84,10 +102,12 @@ def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
         raise CospeechError(f"audio rank: {model} ranks no matches; use {' or '.join(MATCHED)}")
     subject_folder = Path(subject_folder)
     onnx = subject_folder / "models" / model / "model.onnx"
-    if model not in MATCHED:
-        from cospeech.gestures.generate import GestureGenerator, Sampler
+    if model in GESTURES:
+        return load_network(model, onnx, threads)
+    if model in BASELINES:
+        from cospeech.gestures.baselines import MeanPose, RandomTake
 
-        return (Sampler if model == "moglow" else GestureGenerator)(onnx, threads)
+        return {"mean_pose": MeanPose, "random": RandomTake}[model](training_part(subject_folder))
     from cospeech.matching import KNN, Database
 
     database = Database.load(subject_folder / "database.h5")
@@ -103,9 +123,49 @@ def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
     return Resynchronizer(knn, onnx, threads)
 
 
+def load_network(model, onnx, threads=None):
+    """The generator of one of `GESTURES` from its ONNX file, wherever that lies."""
+    from cospeech.gestures.generate import GestureGenerator, Sampler
+
+    if model in CONTROLLED:
+        return ControlledSampler(CONTROLLED[model], Sampler(onnx, threads))
+    return (Sampler if model == "moglow" else GestureGenerator)(onnx, threads)
+
+
+class ControlledSampler:
+    """A control variant of MoGlow, asked as the search is: `controls` such as `left_wrist_height=high@2.0-5.5`.
+
+    What is a bound for the search is a target here: the 85th or 15th percentile of the training part, or the value.
+    """
+
+    def __init__(self, signal, sampler):
+        self.signal, self.sampler = signal, sampler
+
+    def generate(self, features, *, seed=0, controls=(), words=None, temperature=1.0):
+        """features (T, 28) -> Motion of T frames; where no control holds, the target is the median."""
+        del words
+        target = self.target(controls, len(features))
+        return self.sampler.generate(features, seed=seed, temperature=temperature, target=target)
+
+    def target(self, controls, frames):
+        """(T,) in the signal's unit; of controls that overlap the last one holds."""
+        from cospeech.matching.controls import Control
+
+        percentiles, fps = self.sampler.targets, self.sampler.description["fps"]
+        target = np.full(frames, percentiles[50], np.float32)
+        for control in map(Control.of, controls):
+            control.check_times(frames, fps)
+            bounds = [bound for alternative in control.wanted.alternatives for bound in alternative]
+            if len(bounds) != 1 or bounds[0].signal != self.signal:
+                raise CospeechError(f"control {control.text!r}: this network knows one level or value of {self.signal}")
+            (bound,), stop = bounds, frames if np.isinf(control.end) else round(control.end * fps)
+            target[round(control.start * fps) : stop] = percentiles[bound.at] if bound.percentile else bound.at
+        return target
+
+
 def usual_smoothing(model):
-    """sigma in frames of the Gaussian that a model's motion gets: the published one, none for plain k-NN."""
-    return 0.0 if model == "knn" else SMOOTHING
+    """sigma in frames of the Gaussian that a model's motion gets: the published one, none for the speaker's own."""
+    return 0.0 if model in ("knn", "random") else SMOOTHING
 
 
 def smooth(motion, sigma=SMOOTHING):

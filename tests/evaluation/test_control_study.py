@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from cospeech.clip import Motion
 from cospeech.errors import CospeechError
 from cospeech.evaluation.control import FREE, TABLE, ControlStudy, control_rows, study_controls, write_csv, write_hdf5
 from cospeech.evaluation.evaluate import Reference
@@ -15,8 +16,10 @@ from cospeech.evaluation.result import Evaluation
 from cospeech.evaluation.tables import write_csv as write_table
 from cospeech.evaluation.variants import METRICS, VARIANTS, evaluate_variants, ordered
 from cospeech.matching import KNN, Database
+from cospeech.matching.signals import LEFT
 from cospeech.render.control import control_section
 from cospeech.render.curves import plot_control
+from cospeech.synthesis import ControlledSampler
 
 HIGH, SLOW = ("left_wrist_height", "high"), ("left_wrist_speed", "slow")
 
@@ -86,6 +89,29 @@ def test_a_search_under_control_goes_where_it_is_sent(puppet, searched):
         assert row.threshold == pytest.approx(puppet[0].signals.percentile(signal, percentile), abs=1e-6)
         assert row.kept > row.free_kept + 0.2 and row.frames == 300 + 180, (signal, level)
     assert rows["left_wrist_height", "high"].mean > rows["left_wrist_height", "low"].mean
+
+
+class Told:
+    """A control variant: its target on every frame is the height of the left wrist, or the signal asked for is 0."""
+
+    targets, description = {15: 0.1, 50: 0.2, 85: 0.3}, {"fps": 15.0}
+
+    def generate(self, features, *, seed, temperature, target):
+        positions = np.zeros((len(features), 55, 3))
+        positions[:, LEFT, 1] = target
+        return Motion(positions)
+
+
+def test_a_network_for_each_signal_is_asked_for_its_own(puppet):
+    """MoGlow's column of Table 5.3: thresholds become targets, no control the median, and k-NN is nothing to refine."""
+    knn, clips = puppet
+    told = {signal: ControlledSampler(signal, Told()) for signal, _ in TABLE}
+    study = study_controls("puppet", {"knn": knn, "moglow": told}, clips, seed=4)
+    rows = {(row.signal, row.level): row for row in control_rows(study) if row.model == "moglow"}
+    for level, target in (("high", 0.3), ("low", 0.1)):
+        row = rows["left_wrist_height", level]
+        assert (row.mean, row.deviation, row.free_mean) == pytest.approx((target, 0, 0.2)) and np.isnan(row.change)
+    assert rows["left_wrist_speed", "slow"].mean == 0 and rows["symmetry", "asymmetric"].mean == pytest.approx(0.3)
 
 
 def test_figures_are_the_same_bytes_for_the_same_numbers(searched, tmp_path):

@@ -39,6 +39,18 @@ def test_cannot_tell_where_speech_says_nothing():
     assert 0.3 < classifier.accuracy(noise[3:])["combined"] < 0.7
 
 
+def test_threshold_is_found_on_clips_of_its_own(classifier, tmp_path):
+    """A classifier that takes nearly everything for off sync finds its way back."""
+    biased = SyncClassifier(classifier.network, classifier.description | {"threshold": 60.0})
+    test = [make_clip(8), make_clip(9)]
+    assert biased.accuracy(test)["combined"] < 0.65
+    again = biased.calibrated([make_clip(6), make_clip(7)])
+    assert again.accuracy(test)["combined"] > 0.8 and abs(again.description["threshold"]) < 30
+    again.save(tmp_path / "sync.safetensors")
+    assert SyncClassifier.load(tmp_path / "sync.safetensors").accuracy(test) == again.accuracy(test)
+    assert biased.calibrated([make_clip(6, 40)]) is biased and biased.calibrated([]) is biased
+
+
 def test_score_is_the_share_of_windows_in_sync(classifier):
     clip, other = make_clip(8), make_clip(9)
     whole = classifier.score(clip.features, clip.motion)

@@ -125,6 +125,16 @@ def test_chunks_leave_no_seam(trained):
             np.testing.assert_allclose(pieces[name], whole[name], atol=2e-5)
 
 
+def test_ten_minutes_have_no_seam(trained):
+    """A run that starts 40 frames later has its chunks elsewhere, and the same motion away from the ends."""
+    generator, features = GestureGenerator(trained / "model.onnx"), make_clip(5, 9000).features
+    whole, later = (generator.generate(f) for f in (features, features[40:]))
+    assert whole.positions.shape == (9000, 55, 3)
+    for name in ("positions", "rotation", "expression"):
+        a, b = getattr(whole, name)[40 + HALO :], getattr(later, name)[HALO:]
+        np.testing.assert_allclose(a, b, atol=2e-5)
+
+
 def test_halo_covers_what_the_network_can_see(trained):
     network = GestureGenerator(trained / "model.onnx").network
     features = make_clip(5, 512).features

@@ -1,8 +1,10 @@
 # Control and variants of the search: results/tables/table_5_3.csv, table_5_4.csv, results/figures/ (thesis 5.4).
 
 from cospeech.evaluation.variants import VARIANTS
+from cospeech.gestures.models import CONTROLLED
 
 REFINED = ["knn", *(model for model in MODELS if model == "resync")]  # whose controls Table 5.3 compares
+TOLD = list(CONTROLLED) if set(CONTROLLED) <= set(MODELS) else []  # MoGlow's networks, one for each control signal
 STUDIED = list(SUBJECTS) if any(model in MATCHED for model in MODELS) else []  # who has a database to be controlled
 STUDIES = [f"<results>/{name}/evaluation/control.h5" for name in STUDIED]
 COMPARED = [f"<results>/{name}/evaluation/{row}.h5" for name in STUDIED for row in [*ROWS, *VARIANTS]]
@@ -12,7 +14,7 @@ CURVES = [f"<results>/figures/figure_5_5_{name}.svg" for name in STUDIED]
 rule control_error:
     input:
         database="<results>/{subject}/database.h5",
-        networks=[f"<results>/{{subject}}/models/{model}/model.onnx" for model in REFINED if model in TRAINED],
+        networks=[f"<results>/{{subject}}/models/{model}/model.onnx" for model in [*REFINED, *TOLD] if model in TRAINED],
         clips=lambda w: synthesized(w.subject, "ground_truth"),
     output:
         study="<results>/{subject}/evaluation/control.h5",
@@ -28,6 +30,7 @@ rule control_error:
     params:
         folder=lambda w: f"{config['results_dir']}/{w.subject}",
         models=REFINED,
+        told={CONTROLLED[model]: model for model in TOLD},
         seed=config["seed"],
         code=library_code("control_error.py"),
     script:

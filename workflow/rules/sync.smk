@@ -6,19 +6,20 @@ SYNC_FRAMES = (64, 32, 16)
 rule train_sync_classifier:
     input:
         split="<results>/{subject}/split.h5",
-        clips=clips_of("train"),
+        clips=clips_of("train", "val"),
         ground_truth=lambda w: synthesized(w.subject, "ground_truth"),
         models=lambda w: [clip for model in MODELS for clip in synthesized(w.subject, model)],
     output:
-        network="<results>/{subject}/evaluation/sync_{frames}.safetensors",
-        history="<results>/{subject}/evaluation/sync_{frames}_history.h5",
-        judgement="<results>/{subject}/evaluation/sync_{frames}.h5",
+        network="<results>/{subject}/evaluation/sync/{frames}_{seed}.safetensors",
+        history="<results>/{subject}/evaluation/sync/{frames}_{seed}_history.h5",
+        judgement="<results>/{subject}/evaluation/sync/{frames}_{seed}.h5",
     log:
-        "<logs>/sync/{subject}-{frames}.log",
+        "<logs>/sync/{subject}-{frames}-{seed}.log",
     benchmark:
-        "<benchmarks>/sync/{subject}-{frames}.tsv"
+        "<benchmarks>/sync/{subject}-{frames}-{seed}.tsv"
     wildcard_constraints:
         frames="64|32|16",
+        seed="[0-9]+",
     conda:
         "../../envs/cospeech.yaml"
     threads: BUDGET["threads"]
@@ -27,8 +28,7 @@ rule train_sync_classifier:
         gpu=1,
     params:
         settings=BUDGET.get("sync_classifier", {}),
-        seed=config["seed"],
-        checkpoint=f"{config['results_dir']}/checkpoints/{{subject}}-sync_{{frames}}.pt",
+        checkpoint=f"{config['results_dir']}/checkpoints/{{subject}}-sync_{{frames}}_{{seed}}.pt",
         code=library_code("sync_classifier.py"),
     script:
         "../scripts/sync_classifier.py"
@@ -36,7 +36,7 @@ rule train_sync_classifier:
 
 rule sync_table:
     input:
-        [f"<results>/{name}/evaluation/sync_{frames}.h5" for name in SUBJECTS for frames in SYNC_FRAMES],
+        [f"<results>/{n}/evaluation/sync/{f}_{s}.h5" for n in SUBJECTS for f in SYNC_FRAMES for s in SEEDS],
     output:
         csv=report("<results>/tables/table_4_4.csv", caption="../report/sync.rst", category="Evaluation"),
     log:

@@ -21,7 +21,7 @@ rule train_model:
         mem_mb=1900,
         gpu=1,
     params:
-        settings=lambda w: BUDGET.get(w.model, {}),  # a section that is left out has the published values
+        settings=lambda w: BUDGET.get(section_of(w.model), {}),  # a section left out has the published values
         seed=config["seed"],
         checkpoint=f"{config['results_dir']}/checkpoints/{{subject}}-{{model}}.pt",
         code=library_code("train.py"),

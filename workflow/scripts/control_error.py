@@ -11,6 +11,8 @@ with job():
 
     folder, params = snakemake.params.folder, snakemake.params
     generators = {model: load_generator(model, folder, snakemake.threads) for model in params.models}
+    if params.told:
+        generators["moglow"] = {s: load_generator(model, folder, snakemake.threads) for s, model in params.told.items()}
     clips = {Path(path).stem: Clip.read(path) for path in snakemake.input.clips}
     study = study_controls(snakemake.wildcards.subject, generators, clips, seed=params.seed)
     study.write(snakemake.output.study)

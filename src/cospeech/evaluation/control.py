@@ -17,7 +17,8 @@ from cospeech.matching.signals import SIGNALS
 from cospeech.synthesis import smooth, usual_smoothing
 
 SCHEMA = "cospeech.control"
-BEFORE = "knn"  # whose motion the others start from
+BEFORE = "knn"  # whose motion the refined ones start from
+REFINED = ("resync",)
 FREE = "unconstrained"
 TABLE = (
     ("left_wrist_height", "high"), ("left_wrist_height", "low"), ("left_wrist_speed", "fast"),
@@ -80,30 +81,32 @@ def study_controls(subject, generators, clips, seed=0):
 
     Parameters
     ----------
-    generators : {model: generator}; `knn` must be there, the others refine its motion.
+    generators : {model: generator, or {signal: generator} for MoGlow, which has a network for each}; `knn` must be
+        there.
     clips : {clip id: Clip}, the test part. seed : of the generators.
 
     Every motion is smoothed as `synthesize` does.
     """
     signals = generators[BEFORE].signals
     thresholds = {(s, level): Wanted.of(s, level).alternatives[0][0].threshold(signals) for s, level in TABLE}
-    series = {}
-    for name, clip in sorted(clips.items()):
+    series, clips = {}, {name: clip for name, clip in sorted(clips.items()) if clip.valid.any()}
+    for name, clip in clips.items():
         for model, generator in generators.items():
-            make = lambda *asked, g=generator, m=model, c=clip: _motion(g, m, c, seed, asked)  # noqa: E731
-            free = make()
+            of_signal = generator if isinstance(generator, dict) else dict.fromkeys(SIGNALS, generator)
+            free = {one: _motion(one, model, clip, seed, []) for one in set(of_signal.values())}
             for signal, level in TABLE:
-                measured = {FREE: free, level: make(f"{signal}={level}")}
+                one = of_signal[signal]
+                measured = {FREE: free[one], level: _motion(one, model, clip, seed, [f"{signal}={level}"])}
                 for key, positions in measured.items():
                     series[name, model, signal, key] = SIGNALS[signal](positions, clip.fps).astype(np.float32)
-    valid = {name: clip.valid for name, clip in sorted(clips.items()) if clip.valid.any()}
+    valid = {name: clip.valid for name, clip in clips.items()}
     if not valid:
         raise CospeechError(f"{subject}: no test clip has a valid frame; change 'split:'")
     return ControlStudy(subject, next(iter(clips.values())).fps, thresholds, valid, series)
 
 
 def _motion(generator, model, clip, seed, controls):
-    motion = generator.generate(clip.features, seed=seed, controls=list(controls))
+    motion = generator.generate(clip.features, seed=seed, controls=controls)
     return smooth(motion, usual_smoothing(model)).positions
 
 
@@ -112,7 +115,7 @@ class ControlRow:
     """A line of Table 5.3, in the signal's unit, over all frames of all test clips.
 
     kept : share of frames that keep the bound. change : mean |difference| from the k-NN motion under the same control,
-    NaN for k-NN itself. free_* : the same without control.
+    NaN for what does not refine it. free_* : the same without control (MoGlow: with the median for a target).
     """
 
     subject: str
@@ -143,7 +146,7 @@ def _row(study, signal, level, model):
     values, free = (study.values(model, signal, key).astype(np.float64) for key in (level, FREE))
     kept = lambda x: float(np.mean(x >= threshold if upper else x <= threshold))  # noqa: E731
     change = np.nan
-    if model != BEFORE:
+    if model in REFINED:
         change = float(np.abs(values - study.values(BEFORE, signal, level)).mean())
     return ControlRow(
         study.subject, signal, level, SIGNALS[signal].unit, model, threshold, float(values.mean()),

@@ -25,6 +25,7 @@ from cospeech.weights import load_weights, save_weights
 JUDGED = ("features", "body", "hands")  # the face is excluded, as from the discriminator
 WARNING = "not a measure of quality: the published classifier rated synthesis above recordings (thesis section 4.5)"
 SCHEMA = "cospeech.sync"
+DRAWS = 4  # of other windows for each, when the threshold is found
 STRIDE = 4  # windows are judged at starts this many to a window apart: every quarter
 
 
@@ -88,7 +89,7 @@ class SyncTask:
 
 @dataclass
 class SyncClassifier:
-    """A trained classifier; `description` says how it was trained."""
+    """A trained classifier; `description` says how it was trained, and above which `threshold` a logit is in sync."""
 
     network: Classifier
     description: dict
@@ -106,7 +107,22 @@ class SyncClassifier:
     def logits(self, given):
         """(N,) float32, above 0 for in sync."""
         with torch.inference_mode():
-            return self.network(given).cpu().numpy()
+            return self.network(given).cpu().numpy() - np.float32(self.description.get("threshold", 0.0))
+
+    def calibrated(self, clips, seed=0):
+        """The classifier with the threshold that is best for these clips, the validation part.
+
+        What was trained on ten minutes knows them, and takes new pairs for off sync too readily. Without a clip of
+        three windows it stays as it is.
+        """
+        long = [clip for clip in clips if clip.frames >= 3 * self.frames]
+        if not long:
+            return self
+        inside, off = self._pairs(long, seed, DRAWS)
+        at = np.sort(np.concatenate([inside, off]))
+        combined = np.mean(inside[:, None] > at, axis=0) + np.mean(off[:, None] <= at, axis=0)
+        best = self.description.get("threshold", 0.0) + float(at[combined == combined.max()].mean())
+        return SyncClassifier(self.network, self.description | {"threshold": best})
 
     def score(self, features, motion):
         """Share of a motion's windows that are judged in sync with the speech; NaN if it is shorter than a window."""
@@ -123,19 +139,24 @@ class SyncClassifier:
         long = [clip for clip in clips if clip.frames >= self.frames]
         if not long:
             raise CospeechError(f"test part: no clip has the {self.frames} frames that the sync classifier judges")
+        inside, off = self._pairs(long, seed)
+        inside, off = float((inside > 0).mean()), float((off <= 0).mean())
+        return {"in_sync": inside, "off_sync": off, "combined": (inside + off) / 2}
+
+    def _pairs(self, long, seed, draws=1):
+        """Logits of every window (N,), and of its speech with other windows' motion (draws * N,)."""
         windows = [self.windows(clip.features, clip.motion) for clip in long]
         owner = np.repeat(np.arange(len(windows)), [len(w["body"]) for w in windows])
         given = {name: torch.cat([w[name] for w in windows]) for name in JUDGED}
         rng, places = np.random.default_rng(seed), np.arange(len(owner))
-        other = np.empty(len(owner), int)
+        other = np.empty((draws, len(owner)), int)
         for i in places:
             far = (owner != owner[i]) if len(long) > 1 else np.abs(places - i) >= STRIDE
             if not far.any():
                 raise CospeechError("test part: one clip of hardly more than a window; mismatching needs two takes")
-            other[i] = rng.choice(places[far])
-        inside = float((self.logits(given) > 0).mean())
-        off = float((self.logits({n: given[n] if n == "features" else given[n][other] for n in JUDGED}) <= 0).mean())
-        return {"in_sync": inside, "off_sync": off, "combined": (inside + off) / 2}
+            other[:, i] = rng.choice(places[far], size=draws)
+        off = [self.logits({n: given[n] if n == "features" else given[n][o] for n in JUDGED}) for o in other]
+        return self.logits(given), np.concatenate(off)
 
     def save(self, path):
         """Write as safetensors; the description goes into its header."""
@@ -178,26 +199,40 @@ def train_sync_classifier(clips, settings, seed=0, checkpoint=None):
     return SyncClassifier(task.network.eval(), description), history
 
 
-def write_judgement(path, subject, frames, accuracy, scores):
+def write_judgement(path, subject, frames, accuracy, scores, seed=0):
     """One file of what a classifier found: accuracies on held-out takes, and {row: mean share judged in sync}."""
-    with writing_hdf5(path, SCHEMA, subject=subject, frames=frames, warning=WARNING) as file:
+    with writing_hdf5(path, SCHEMA, subject=subject, frames=frames, seed=seed, warning=WARNING) as file:
         for group, values in (("accuracy", accuracy), ("score", scores)):
             file.create_group(group).attrs.update(values)
 
 
 def write_table(path, judgements):
-    """Table 4.4 as CSV from files of `write_judgement`: accuracies in percent, then each row's share in sync."""
-    lines = []
+    """Table 4.4 as CSV from files of `write_judgement`, one line a subject and window length.
+
+    Accuracies, and each row's share in sync, are means over the classifiers' seeds, in percent, with their deviations.
+    """
+    groups = {}
     for judgement in judgements:
         with reading_hdf5(judgement, SCHEMA) as file:
-            lines.append((dict(file.attrs), dict(file["accuracy"].attrs), dict(file["score"].attrs)))
-    rows = list(dict.fromkeys(row for _, _, scores in lines for row in scores))
-    percent = lambda value: f"{100 * value:.1f}" if np.isfinite(value) else "n/a"  # noqa: E731
+            values = {f"{name} [%]": share for name, share in file["accuracy"].attrs.items()}
+            values |= {f"{row} judged in sync [%]": share for row, share in file["score"].attrs.items()}
+            groups.setdefault((file.attrs["subject"], file.attrs["frames"]), []).append(values)
+    heads = list(dict.fromkeys(head for runs in groups.values() for values in runs for head in values))
+    spread = lambda head: head.replace(" [%]", " deviation [%]")  # noqa: E731
     with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow(["subject", "frames", "in_sync [%]", "off_sync [%]", "combined [%]",
-                        *(f"{row} judged in sync [%]" for row in rows), "warning"])  # fmt: skip
-        for about, accuracy, scores in lines:
-            accuracies = (accuracy[name] for name in ("in_sync", "off_sync", "combined"))
-            shares = (scores.get(row, np.nan) for row in rows)
-            table.writerow([about["subject"], about["frames"], *map(percent, (*accuracies, *shares)), WARNING])
+        table.writerow(
+            ["subject", "frames", "runs", *(name for head in heads for name in (head, spread(head))), "warning"]
+        )
+        for (subject, frames), runs in groups.items():
+            columns = [np.array([values.get(head, np.nan) for values in runs]) for head in heads]
+            cells = [_percent(x) for column in columns for x in (column.mean(), _deviation(column))]
+            table.writerow([subject, frames, len(runs), *cells, WARNING])
+
+
+def _deviation(column):
+    return column.std() if len(column) > 1 else np.nan
+
+
+def _percent(share):
+    return f"{100 * share:.1f}" if np.isfinite(share) else "n/a"

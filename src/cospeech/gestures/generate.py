@@ -24,13 +24,26 @@ class GestureGenerator:
 
 
 class Sampler(GestureGenerator):
-    """`moglow` from its ONNX file: motion drawn from the distribution that it has learnt."""
+    """`moglow` from its ONNX file: motion drawn from the distribution that it has learnt.
 
-    def generate(self, features, *, seed=0, temperature=1.0):
+    `targets` of a control variant: {percentile: value} of its signal in the training part; None of `moglow` itself.
+    """
+
+    @property
+    def targets(self):
+        found = self.description.get("targets")
+        return found and {int(percentile): value for percentile, value in found.items()}
+
+    def generate(self, features, *, seed=0, temperature=1.0, target=None):
         """features (T, 28) -> Motion of T frames with head rotation; another `seed`, other motion.
 
-        temperature : deviation of the noise; below 1 the motion is nearer to the likeliest.
+        temperature : deviation of the noise; below 1 the motion is nearer to the likeliest. target : of a control
+        variant, what its signal shall be, a number or (T,), in its unit; None is the training part's median.
         """
         channels = sum(self.description["channels"][part] for part in ("body", "hands"))
         noise = temperature * np.random.default_rng(seed).standard_normal((len(features), channels), dtype=np.float32)
-        return vectors_to_motion(self.network.run_long(features=features, noise=noise))
+        given = {"features": features, "noise": noise}
+        if self.targets:
+            wanted = self.targets[50] if target is None else target
+            given["control"] = np.broadcast_to(np.asarray(wanted, np.float32), len(features))[:, None]
+        return vectors_to_motion(self.network.run_long(**given))

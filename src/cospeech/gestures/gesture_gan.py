@@ -85,6 +85,8 @@ class GestureTask:
         self.settings = settings
         self.pairs = Pairs(clips, settings.frames)
         self.judged = ADVERSARIES[settings.adversary]
+        changes = [torch.from_numpy(self.pairs.changes[name]) for name in ("body", "hands")]
+        self.changes = torch.cat(changes)[:, None].to(device())
         widths = preset(settings.preset).scaled(settings.width)
         self.generator = GestureNetwork(self.pairs, widths).to(device())
         betas = settings.betas
@@ -124,8 +126,10 @@ class GestureTask:
     def _seen(self, features, motion):
         """What the discriminator judges, (B, C, T) z-scored; of velocities, the first frame's is 0."""
         given = {"features": features, **motion}
-        seen = torch.cat([self.generator.standardized(name, given[name]) for name in self.judged], dim=1)
-        return F.pad(seen.diff(dim=2), (1, 0)) if self.settings.adversary == "velocity" else seen
+        if self.settings.adversary == "velocity":
+            seen = torch.cat([given[name].diff(dim=2) for name in self.judged], dim=1)
+            return F.pad(seen / self.changes, (1, 0))
+        return torch.cat([self.generator.standardized(name, given[name]) for name in self.judged], dim=1)
 
     def _logits(self, seen):
         with autocast():

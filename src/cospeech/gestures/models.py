@@ -5,15 +5,20 @@ from dataclasses import replace
 from cospeech.settings import settings_of
 
 ADVERSARY = {"regression": "none", "gesture_gan": "audio_pose", "velocity_gan": "velocity"}  # of the chapter 4 network
-GESTURES = (*ADVERSARY, "lstm", "moglow")
+# MoGlow trained with a control signal as one more input, one network for each, as thesis chapter 5 compares against.
+CONTROLLED = {"moglow_height": "left_wrist_height", "moglow_speed": "left_wrist_speed", "moglow_symmetry": "symmetry"}
+GESTURES = (*ADVERSARY, "lstm", "moglow", *CONTROLLED)
 
 
-def gesture_task(model, clips, settings, seed):
-    """The training `Task` of one of `GESTURES` on clips; `settings` is the budget's section of that name, a dict."""
-    if model == "moglow":
+def gesture_task(model, clips, settings, seed, control=None):
+    """The training `Task` of one of `GESTURES` on clips; `settings` is the budget's section of that name, a dict.
+
+    control : for those of `CONTROLLED`, their signal in every clip, list of (T,).
+    """
+    if model == "moglow" or model in CONTROLLED:
         from cospeech.gestures.moglow import MoGlowTask, Settings
 
-        return MoGlowTask(clips, settings_of(Settings(), settings, model), seed)
+        return MoGlowTask(clips, settings_of(Settings(), settings, model), seed, model, control)
     if model == "lstm":
         from cospeech.gestures.lstm import LSTMTask, Settings
 

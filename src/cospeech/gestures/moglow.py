@@ -1,13 +1,16 @@
 """MoGlow on speech (Alexanderson et al. 2020), the probabilistic baseline of thesis chapters 4 and 5: body and hands.
 
 The condition of a frame are the poses before it, which training drops at random so that the speech is listened to, and
-the speech from a little before to `look_ahead` frames after it. As in the thesis there is no face.
+the speech from a little before to `look_ahead` frames after it. As in the thesis there is no face. A control variant
+hears one more number in each frame: what a control signal is on average over four seconds. In training that is the
+motion's own, in generation what is wanted of it.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import torch
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from torch._higher_order_ops import scan
 from torch.nn import functional as F
 
@@ -16,6 +19,9 @@ from cospeech.gestures.pairs import MotionNetwork, Pairs
 from cospeech.training import device
 
 MOTION = ("body", "hands")
+AVERAGED = 4.0  # seconds of a control signal (Alexanderson et al. 2020)
+RIDGE, PREDICTED = 0.001, 10  # penalty of the prediction, in units of variance; frames it is fitted to, for each input
+QUANTILES = (15, 50, 85)  # percentiles of it that are kept as targets
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,10 @@ class Settings:
     hidden, flows : H and K. history : poses before a frame. look_ahead : frames of speech after it. pose_dropout :
     share of frames that do not see their past. warm_up : iterations until the full learning rate, which then falls with
     their square root down to `least_rate` (Noam). clip, norm : largest gradient element and norm. noise : deviation of
-    noise on the z-scored motion and speech in training, none as published.
+    noise on the z-scored motion and speech in training, none as published. smoothing : sigma in frames of a Gaussian
+    over the training motion, which thesis section 5.4 has without its size. linear : whether the flow is of what is
+    left of a frame after its least-squares prediction from the condition. Not published; it starts where a short
+    training would not arrive.
     """
 
     steps: int = 80_000
@@ -42,18 +51,40 @@ class Settings:
     clip: float = 5.0
     norm: float = 100.0
     noise: float = 0.0
+    smoothing: float = 0.0
+    linear: bool = False
+
+
+def averaged(signal, fps):
+    """A control signal (T,) as the network is told it: mean over the `AVERAGED` seconds around each frame."""
+    return uniform_filter1d(np.asarray(signal, np.float64), max(1, round(AVERAGED * fps)), mode="nearest")
+
+
+def _smoothed(clip, sigma):
+    """The clip after a Gaussian of `sigma` frames over body, hands and head rotation; the clip itself for 0."""
+    if not sigma:
+        return clip
+    blur = lambda x: None if x is None else gaussian_filter1d(x, sigma, axis=0, mode="nearest")  # noqa: E731
+    return replace(clip, positions=blur(clip.positions), rotation=blur(clip.rotation))
 
 
 class MoGlow(MotionNetwork):
-    """Samples: features (B, 28, T), noise (B, 168, T) -> body (B, 42, T), hands (B, 126, T) in metres and radians."""
+    """Samples: features (B, 28, T), noise (B, 168, T) -> body (B, 42, T), hands (B, 126, T) in metres and radians.
+
+    Control variants take control (B, 1, T) too, in the signal's unit.
+    """
 
     def __init__(self, pairs, settings):
         super().__init__(pairs)
         self.parts = list(MOTION)
         self.sizes = [pairs.channels[part] for part in MOTION]
         self.settings, channels = settings, sum(self.sizes)
-        heard = pairs.channels["features"] * (settings.history + 1 + settings.look_ahead)
-        self.flow = Flow(channels, heard + settings.history * channels, settings.hidden, settings.flows)
+        self.told = [name for name in ("features", "control") if name in pairs.channels]
+        told = sum(pairs.channels[name] for name in self.told)
+        heard = told * (settings.history + 1 + settings.look_ahead)
+        told = heard + settings.history * channels
+        self.flow = Flow(channels, told, settings.hidden, settings.flows)
+        self.register_buffer("prediction", torch.zeros(told, channels))
 
     def ready(self):
         """Prepare for sampling: invert the linear mixes, once."""
@@ -61,9 +92,10 @@ class MoGlow(MotionNetwork):
             self.register_buffer("inverses", self.flow.inverses(), persistent=False)
         return self
 
-    def heard(self, features):
-        """z-scored speech around every frame: (B, 28, T) -> (B, T, (history + 1 + look_ahead) * 28)."""
-        standardized = self.standardized("features", features)
+    def heard(self, features, control=None):
+        """z-scored speech, and control, around every frame: (B, 28, T) -> (B, T, (history + 1 + look_ahead) * 28)."""
+        given = {"features": features, "control": control}
+        standardized = torch.cat([self.standardized(name, given[name]) for name in self.told], dim=1)
         around = F.pad(standardized, (self.settings.history, self.settings.look_ahead), mode="replicate")
         count, frames = self.settings.history + 1 + self.settings.look_ahead, features.shape[2]
         return torch.cat([around[:, :, i : i + frames] for i in range(count)], dim=1).transpose(1, 2)
@@ -83,11 +115,15 @@ class MoGlow(MotionNetwork):
     def log_likelihood(self, real):
         """Mean log-likelihood in nats a frame of {name: (B, C, T)}, given the first `history` frames."""
         motion = self.motion(real)
-        condition = self.condition(motion, self.heard(real["features"]))
-        return self.flow.log_likelihood(motion[:, self.settings.history :], condition).mean(1)
+        condition = self.condition(motion, self.heard(*(real[name] for name in self.told)))
+        return self.flow.log_likelihood(self.left(motion, condition), condition).mean(1)
 
-    def forward(self, features, noise):
-        heard = self.heard(features)
+    def left(self, motion, condition):
+        """(B, T - history, 168): the frames after the first `history`, less what the condition predicts of them."""
+        return motion[:, self.settings.history :] - condition @ self.prediction
+
+    def forward(self, features, noise, control=None):
+        heard = self.heard(features, control)
         start = noise[:, :, 0] * 0  # zeros of the right size: the mean pose, and empty memories
         states = start[:, :1].expand(-1, self.settings.hidden)[None, None].expand(
             self.settings.flows, 2 * LAYERS, -1, -1)  # fmt: skip
@@ -96,7 +132,9 @@ class MoGlow(MotionNetwork):
         def frame(carry, given):
             past, states = carry
             heard, z = given
-            x, states = self.flow.inverse_step(z, torch.cat([past, heard], dim=1), states, self.inverses)
+            condition = torch.cat([past, heard], dim=1)
+            x, states = self.flow.inverse_step(z, condition, states, self.inverses)
+            x = x + condition @ self.prediction
             return (torch.cat([past[:, x.shape[1] :], x], dim=1), states), x.clone()
 
         _, x = scan(frame, (past, states.contiguous()), (heard.transpose(0, 1), noise.permute(2, 0, 1)))
@@ -105,35 +143,47 @@ class MoGlow(MotionNetwork):
 
 
 class MoGlowTask:
-    """Maximum likelihood, for `cospeech.training.train`."""
+    """Maximum likelihood, for `cospeech.training.train`. control : a signal of every clip, list of (T,), or None."""
 
-    def __init__(self, clips, settings, seed):
+    def __init__(self, clips, settings, seed, model="moglow", control=None):
         torch.manual_seed(seed)
         self.settings = settings
-        self.pairs = Pairs(clips, settings.frames)
+        clips = [_smoothed(clip, settings.smoothing) for clip in clips]
+        averages = [averaged(signal, clip.fps)[:, None] for signal, clip in zip(control or [], clips, strict=False)]
+        self.pairs = Pairs(clips, settings.frames, {"control": averages} if control else None)
         self.generator = MoGlow(self.pairs, settings).to(device())
         self._fit(np.random.default_rng(seed))
         self.modules = {"generator": self.generator}
         self.optimizers = {"generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate)}
         self.description = {
-            "model": "moglow", "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
+            "model": model, "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
             "face_model": "", "multiple": 1, "halo": None,
         }  # fmt: skip
+        if control:
+            values = np.concatenate([signal[clip.valid] for signal, clip in zip(control, clips, strict=True)])
+            self.description["targets"] = {str(q): float(np.percentile(values, q)) for q in QUANTILES}
 
     def _fit(self, rng):
-        """Data-dependent first values of the activation normalisations."""
-        motion, condition = self._batch(rng)
+        """Data-dependent first values: the prediction, if any, and the activation normalisations."""
+        if self.settings.linear:
+            told, frames = self.generator.prediction.shape[0], self.settings.batch * self.settings.frames
+            batches = [self._batch(rng) for _ in range(-(-PREDICTED * told // frames))]
+            rows = [torch.cat([batch[i].flatten(0, 1) for batch in batches]) for i in (0, 1)]
+            ridge = RIDGE * len(rows[1]) * torch.eye(told, device=device())
+            self.generator.prediction.copy_(torch.linalg.solve(rows[1].T @ rows[1] + ridge, rows[1].T @ rows[0]))
+        left, condition = self._batch(rng)
         with torch.no_grad():
-            self.generator.flow(motion, condition, fit=True)
+            self.generator.flow(left, condition, fit=True)
 
     def _batch(self, rng):
         network, settings = self.generator, self.settings
         real = self.pairs.sample(rng, settings.batch)
-        motion, heard = network.motion(real), network.heard(real["features"])
+        motion, heard = network.motion(real), network.heard(*(real[name] for name in network.told))
         motion = motion + settings.noise * torch.randn_like(motion)
         heard = heard + settings.noise * torch.randn_like(heard)
         kept = torch.rand(motion.shape[0], motion.shape[1] - settings.history, device=motion.device)
-        return motion[:, settings.history :], network.condition(motion, heard, kept >= settings.pose_dropout)
+        condition = network.condition(motion, heard, kept >= settings.pose_dropout)
+        return network.left(motion, condition), condition
 
     def rate(self, step):
         """Noam: a linear rise over `warm_up` iterations, then a fall with the square root, not below `least_rate`."""
@@ -141,8 +191,8 @@ class MoGlowTask:
         return max(self.settings.learning_rate * min(along, along**-0.5), self.settings.least_rate * min(along, 1))
 
     def iterate(self, step, rng):
-        motion, condition = self._batch(rng)
-        loss = -self.generator.flow.log_likelihood(motion, condition).mean() / motion.shape[2]
+        left, condition = self._batch(rng)
+        loss = -self.generator.flow.log_likelihood(left, condition).mean() / left.shape[2]
         optimizer, parameters = self.optimizers["generator"], self.generator.parameters()
         for group in optimizer.param_groups:
             group["lr"] = self.rate(step)
@@ -158,4 +208,6 @@ class MoGlowTask:
         """What is kept: (module in eval mode on the CPU, {input: example (B, C, T)}, output names)."""
         heard, channels = self.pairs.channels["features"], sum(self.generator.sizes)
         example = {"features": torch.randn(1, heard, 24), "noise": torch.randn(1, channels, 24)}
+        if "control" in self.generator.told:
+            example["control"] = self.generator.control_mean.cpu() + torch.zeros(1, 1, 24)
         return self.generator.cpu().eval().ready(), example, self.generator.parts

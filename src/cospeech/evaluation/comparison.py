@@ -1,0 +1,116 @@
+"""The comparisons of chapter 4 over several seeds: every generator, what the adversary sees, how long a window is.
+
+One seed is a fluke on ten minutes of speech. So every network is trained with several, everything that judges motion
+judges each of them on the same test part, and a table has mean and deviation over the seeds.
+"""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+
+from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
+from cospeech.evaluation.lips import judge_lips
+from cospeech.evaluation.result import BASELINES, Evaluation
+from cospeech.evaluation.sync_classifier import WARNING
+from cospeech.evaluation.tables import SCHEMA, headings, number, summarise
+from cospeech.files import reading_hdf5, writing
+from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
+from cospeech.synthesis import smooth, usual_smoothing
+
+COLUMNS = ("fgd", "fgd_train", "diversity", "motion_variance", "beat_excess", "synchrony", "speed_hellinger", "jerk")
+LIPS, SYNC = "lip_error", "judged_in_sync"  # kept as attributes of an Evaluation, in mm and as a share
+
+
+def clips_of(generator, truth, row, seed=0):
+    """What a generator makes for the speech of {clip id: Clip}, smoothed as `synthesize` does: {clip id: Clip}."""
+    made = {}
+    for name, clip in truth.items():
+        sigma = usual_smoothing(row)
+        motion = smooth(generator.generate(clip.features, seed=seed), sigma)
+        made[name] = replace(
+            clip, positions=motion.positions.astype(np.float32), rotation=motion.rotation,
+            expression=motion.expression, face_model=motion.face_model, generator=row,
+            extra={"seed": seed, "smoothing": sigma},
+        )  # fmt: skip
+    return made
+
+
+def compare(networks, truth, train, reference, classifiers, face=None):
+    """Judge networks of several seeds and the baselines: -> list of Evaluation, with `LIPS` and `SYNC` as attributes.
+
+    Parameters
+    ----------
+    networks : {row: {seed: generator}}. classifiers : {seed: SyncClassifier}, each judges the networks of its seed.
+    truth : {clip id: Clip}, the test part. train : list of Clip, the training part. reference : their `Reference`.
+    face : see `judge_lips`.
+    """
+    baselines = {row: evaluate_baseline(row, reference) for row in BASELINES}
+    still = {"ground_truth": truth, "mean_pose": clips_of(MeanPose(train), truth, "mean_pose")}
+    if len(truth) > 1:
+        still["mismatched"] = mismatched(truth)
+    found = []
+    for seed, classifier in classifiers.items():
+        made = {row: clips_of(by_seed[seed], truth, row, seed) for row, by_seed in networks.items()}
+        made["random"] = clips_of(RandomTake(train), truth, "random", seed)
+        lips = judge_lips(truth, made, train, face, seed)
+        rows = [replace(one, seed=seed) for one in baselines.values()]
+        rows += [replace(evaluate_model(row, clips, reference), seed=seed) for row, clips in made.items()]
+        for one in rows:
+            clips = (made | still).get(one.row, {})
+            attributes = {LIPS: _lips(lips, one.row), SYNC: _in_sync(classifier, clips)}
+            found.append(replace(one, attributes=one.attributes | attributes))
+    return found
+
+
+def _lips(lips, row):
+    if row == "ground_truth":
+        return 0.0 if lips.clips else float("nan")
+    return lips.mean(row) if row in lips.errors else float("nan")
+
+
+def _in_sync(classifier, clips):
+    """Share of all clips' windows that a classifier takes for in sync with the clips' speech; NaN without any."""
+    shares = [classifier.score(clip.features, clip.motion) for clip in clips.values()]
+    return float(np.mean(shares)) if shares else float("nan")
+
+
+def read_comparison(path):
+    """List of Evaluation from a file of `tables.write_hdf5`, by subject, row and seed."""
+    with reading_hdf5(path, SCHEMA) as file:
+        return [
+            _evaluation(group, subject, row, int(seed))
+            for subject, rows in file.items()
+            for row, seeds in rows.items()
+            for seed, group in seeds.items()
+        ]
+
+
+def _evaluation(group, subject, row, seed):
+    clips = [name.decode() for name in group["clip"]]
+    arrays = {name: group[name][()] for name in ("frames", "values", "mean", "deviation")}
+    attributes = {k: v.item() if isinstance(v, np.generic) else v for k, v in group.attrs.items()}
+    return Evaluation(subject, row, seed, clips, attributes=attributes, **arrays)
+
+
+def write_table(path, evaluations, rows):
+    """A table of these rows {name in `evaluations`: label}: one line a subject and row, mean and deviation over seeds.
+
+    The baselines are rows of every table. `judged in sync` is no measure of quality; a column says so.
+    """
+    rows = {row: row for row in (*BASELINES, "random")} | rows
+    chosen = [one for row in rows for one in evaluations if one.row == row]
+    subjects = list(dict.fromkeys(one.subject for one in evaluations))
+    lines = sorted(summarise(chosen), key=lambda line: subjects.index(line.subject))
+    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        heads = [heading for name in COLUMNS for heading in headings(name)]
+        heads += ["lip error [mm]", "lip error deviation [mm]", "judged in sync [%]", "judged in sync deviation [%]"]
+        table.writerow(["subject", "row", "runs", "clips", *heads, "warning"])
+        for line in lines:
+            runs = [one for one in chosen if (one.subject, one.row) == (line.subject, line.row)]
+            cells = [x for name in COLUMNS for x in (line.mean[name], line.deviation[name])]
+            for name, scale in ((LIPS, 1), (SYNC, 100)):
+                values = scale * np.array([one.attributes[name] for one in runs])
+                cells += [values.mean(), values.std() if len(runs) > 1 else np.nan]
+            table.writerow([line.subject, rows[line.row], line.runs, line.clips, *map(number, cells), WARNING])

@@ -1,0 +1,194 @@
+# The tables of thesis chapter 4 beside the summary: results/tables/table_4_3.csv, generators.csv, ablation.csv,
+# window_length.csv. Table 4.3 is part of a whole run; the others train every network with every seed of `chapter4:`.
+
+# Row: the model and the keys of the budget that it changes.
+SEEDED = {
+    "regression": ("regression", {}),
+    "lstm": ("lstm", {}),
+    "velocity_gan": ("velocity_gan", {}),
+    "pose_gan": ("gesture_gan", {"adversary": "pose"}),
+    "gesture_gan": ("gesture_gan", {}),
+    "moglow": ("moglow", {}),
+    "window16": ("gesture_gan", {"frames": 16}),
+    "window32": ("gesture_gan", {"frames": 32}),
+    "window128": ("gesture_gan", {"frames": 128}),
+}
+COMPARISONS = {
+    "generators": {r: r for r in ("regression", "lstm", "velocity_gan", "gesture_gan", "moglow")},
+    "ablation": {
+        "regression": "no adversary",
+        "pose_gan": "adversary on pose",
+        "velocity_gan": "adversary on velocity",
+        "gesture_gan": "adversary on audio and pose",
+    },
+    "window_length": {
+        "window16": "16 frames",
+        "window32": "32 frames",
+        "gesture_gan": "64 frames",
+        "window128": "128 frames",
+    },
+}
+
+
+def seeded_networks(wildcards):
+    """Input function: the networks of a table's rows, of every seed."""
+    folder = f"<results>/{wildcards.subject}/chapter4"
+    return [f"{folder}/{row}_{seed}/model.onnx" for row in COMPARISONS[wildcards.table] for seed in SEEDS]
+
+
+def seeded_settings(wildcards):
+    """The budget's section for a row; windows of another length come in batches of as many frames in all."""
+    model, changed = SEEDED[wildcards.row]
+    settings = BUDGET.get(model, {}) | BUDGET.get("chapter4", {}) | changed
+    if "frames" in changed:
+        settings["batch"] = max(2, round(settings.get("batch", 25) * 64 / changed["frames"]))
+    return settings
+
+
+def face_model_of(wildcards):
+    """Input function: the subject's own face model, if it has one."""
+    tracker = SUBJECTS[wildcards.subject].tracker
+    return {"face_model": tracker["face_model"]} if "face_model" in tracker else {}
+
+
+rule lip_error:
+    input:
+        unpack(face_model_of),
+        split="<results>/{subject}/split.h5",
+        clips=clips_of("train"),
+        ground_truth=lambda w: synthesized(w.subject, "ground_truth"),
+        models=lambda w: [clip for model in MODELS for clip in synthesized(w.subject, model)],
+    output:
+        lips="<results>/{subject}/evaluation/lips.h5",
+    log:
+        "<logs>/lip_error/{subject}.log",
+    benchmark:
+        "<benchmarks>/lip_error/{subject}.tsv"
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+    params:
+        seed=config["seed"],
+        code=library_code("lip_error.py"),
+    script:
+        "../scripts/lip_error.py"
+
+
+rule lip_table:
+    input:
+        [f"<results>/{name}/evaluation/lips.h5" for name in SUBJECTS],
+    output:
+        csv=report("<results>/tables/table_4_3.csv", caption="../report/lips.rst", category="Evaluation"),
+    log:
+        "<logs>/lip_table.log",
+    benchmark:
+        "<benchmarks>/lip_table.tsv"
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        code=library_code("lip_table.py"),
+    script:
+        "../scripts/lip_table.py"
+
+
+rule train_seeded:
+    input:
+        split="<results>/{subject}/split.h5",
+        clips=clips_of("train"),
+    output:
+        weights="<results>/{subject}/chapter4/{row}_{seed}/weights.safetensors",
+        network="<results>/{subject}/chapter4/{row}_{seed}/model.onnx",
+        history="<results>/{subject}/chapter4/{row}_{seed}/history.h5",
+    log:
+        "<logs>/train_seeded/{subject}-{row}-{seed}.log",
+    benchmark:
+        "<benchmarks>/train_seeded/{subject}-{row}-{seed}.tsv"
+    wildcard_constraints:
+        row="|".join(SEEDED),
+        seed="[0-9]+",
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: BUDGET["threads"]
+    resources:
+        mem_mb=1900,
+        gpu=1,
+    params:
+        model=lambda w: SEEDED[w.row][0],
+        settings=seeded_settings,
+        checkpoint=f"{config['results_dir']}/checkpoints/{{subject}}-{{row}}_{{seed}}.pt",
+        code=library_code("train_seeded.py"),
+    script:
+        "../scripts/train_seeded.py"
+
+
+rule compare_seeded:
+    input:
+        unpack(face_model_of),
+        split="<results>/{subject}/split.h5",
+        clips=clips_of("train"),
+        feature_net="<results>/{subject}/evaluation/feature_net.safetensors",
+        audio=lambda w: synthesized(w.subject, "ground_truth", "wav"),
+        ground_truth=lambda w: synthesized(w.subject, "ground_truth"),
+        networks=seeded_networks,
+        classifiers=[f"<results>/{{subject}}/evaluation/sync/64_{seed}.safetensors" for seed in SEEDS],
+    output:
+        evaluations="<results>/{subject}/evaluation/{table}.h5",
+    log:
+        "<logs>/compare_seeded/{subject}-{table}.log",
+    benchmark:
+        "<benchmarks>/compare_seeded/{subject}-{table}.tsv"
+    wildcard_constraints:
+        table="|".join(COMPARISONS),
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=1900,
+    params:
+        seeds=SEEDS,
+        models={row: model for row, (model, _) in SEEDED.items()},
+        code=library_code("compare_seeded.py"),
+    script:
+        "../scripts/compare_seeded.py"
+
+
+rule compare_table:
+    input:
+        [f"<results>/{name}/evaluation/{{table}}.h5" for name in SUBJECTS],
+    output:
+        csv=report("<results>/tables/{table}.csv", caption="../report/chapter4.rst", category="Evaluation"),
+    log:
+        "<logs>/compare_table/{table}.log",
+    benchmark:
+        "<benchmarks>/compare_table/{table}.tsv"
+    wildcard_constraints:
+        table="|".join(COMPARISONS),
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        rows=lambda w: COMPARISONS[w.table],
+        code=library_code("compare_table.py"),
+    script:
+        "../scripts/compare_table.py"
+
+
+# Target: Table 4.3, of the configuration's models.
+rule lips:
+    input:
+        rules.lip_table.output,
+
+
+# Target: every table of chapter 4.
+rule chapter4:
+    input:
+        rules.lip_table.output,
+        rules.sync_table.output,
+        [f"<results>/tables/{table}.csv" for table in COMPARISONS],

@@ -1,0 +1,8 @@
+"""Table 4.3 of all subjects."""
+
+from job import job, snakemake
+
+with job():
+    from cospeech.evaluation.lips import LipErrors, write_table
+
+    write_table(snakemake.output.csv, [LipErrors.read(path) for path in snakemake.input])
