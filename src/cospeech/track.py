@@ -97,6 +97,7 @@ class Track:
 
     Frame i of F shows the source at `start + i / fps` seconds. Parts that the tracker does not see at all are None.
     `cuts` lists the frames (int, ascending) that are the first of a new shot: motion is not continuous there.
+    `refused` tells why nothing was seen, for a take that cannot be used (docs/capture.md).
     """
 
     fps: float
@@ -115,6 +116,7 @@ class Track:
     backend_version: str = ""
     model_sha256: str = ""
     licence_note: str = ""
+    refused: str = ""
     camera: Camera | None = None
     cuts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
@@ -192,7 +194,7 @@ class Track:
         return track.validate(Path(path))
 
 
-TEXTS = ("source", "source_sha256", "backend", "backend_version", "model_sha256", "licence_note")
+TEXTS = ("source", "source_sha256", "backend", "backend_version", "model_sha256", "licence_note", "refused")
 
 
 def _read_points(group):

@@ -70,6 +70,32 @@ def test_pictures_that_trackers_see_smaller_are_answered_in_full_pixels(tmp_path
     np.testing.assert_allclose(track.body.xy[:, :3], places, atol=8)
 
 
+def shrinking(tmp_path, film, hidden):
+    """Sizes (F, 2) of what a network sees that has the body in the middle half of any crop and a point at `hidden`."""
+    points = np.tile([[0.25, 0.25], [0.75, 0.75]], (12, 1))[:23]
+    points[22] = hidden
+    constant_network(tmp_path / "dots.onnx", SIZE, points=points)
+    codec = {"kind": "direct", "points": "points", "columns": ["x", "y"], "unit": "unit"}
+    parts = {"body": {"skeleton": "coco23", "first": 0}}
+    crop = {"margin": 1.0, "least_score": 0.2}
+    tracker = OnnxTracker(write_manifest(tmp_path / "dots.yaml", codec=codec, parts=parts, crop=crop))
+    body = tracker.track(film, film.pictures(), {})["body"]
+    return np.where(body.observed[:, None], np.ptp(body.xy[:, :2], axis=1), np.nan)
+
+
+def test_imagined_points_beyond_the_picture_do_not_widen_the_box(tmp_path, film):
+    inside, beyond = (shrinking(tmp_path, film, point) for point in ([0.5, 0.5], [0.5, 1000.0]))
+    np.testing.assert_array_equal(inside, beyond)
+
+
+def test_a_body_that_shrinks_to_nothing_is_lost_and_looked_for_anew(tmp_path, film):
+    """The box halves again and again until it is absurd; then the whole picture is searched."""
+    sizes = shrinking(tmp_path, film, [0.5, 0.5]).max(axis=1)
+    assert np.nanmin(sizes) >= 0.03 * film.width and np.isnan(sizes).any()
+    lost = np.flatnonzero(np.isnan(sizes))[0]
+    assert (np.diff(sizes[:lost]) < 0).all() and sizes[lost + 1] == pytest.approx(sizes[0])
+
+
 def test_nobody_in_the_film_is_said(tmp_path):
     film = open_film(write_film(tmp_path / "black.mp4", dots(PLACES) * 0))
     with pytest.raises(CospeechError, match="no person"):

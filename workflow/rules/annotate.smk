@@ -1,5 +1,7 @@
 # Every take becomes a clip: results/<subject>/clips/. One rule a kind of source.
 
+TAKE_TABLES = ["<results>/tables/takes.csv"] if on_video() else []
+
 
 rule annotate_demo:
     input:
@@ -55,7 +57,7 @@ rule annotate_mocap:
 # One set of bone lengths for a speaker, from all of their tracks.
 rule speaker_bones:
     input:
-        tracks=lambda w: [f"<results>/{w.subject}/tracks/{take}.h5" for take in SUBJECTS[w.subject].takes],
+        tracks=lambda w: [f"<results>/{w.subject}/tracks/{take}.h5" for take in SPEAKERS[w.subject].takes],
     output:
         bones="<results>/{subject}/bones.h5",
     log:
@@ -78,6 +80,7 @@ rule speaker_bones:
 rule annotate_video:
     input:
         unpack(lambda w: {"words": take_of(w)["words"]} if "words" in take_of(w) else {}),
+        unpack(lambda w: {key: path for key, path in SPEAKERS[w.subject].tracker.items() if key == "face_model"}),
         track="<results>/{subject}/tracks/{clip}.h5",
         wav="<results>/{subject}/media/{clip}.wav",
         bones="<results>/{subject}/bones.h5",
@@ -126,6 +129,28 @@ rule annotate_clips:
         "../scripts/annotate_clips.py"
 
 
+# Every take on film in one table, the refused ones with their reason.
+rule list_takes:
+    input:
+        [f"<results>/{name}/quality/{take}.h5" for name, subject in on_video().items() for take in subject.takes],
+    output:
+        "<results>/tables/takes.csv",
+    log:
+        "<logs>/list_takes.log",
+    benchmark:
+        "<benchmarks>/list_takes.tsv"
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        absent=[(name, take, line) for name, s in SUBJECTS.items() for take, line in s.absent.items()],
+        code=library_code("list_takes.py"),
+    script:
+        "../scripts/list_takes.py"
+
+
 # Target: the clips of every subject.
 rule clips:
     input:
@@ -137,8 +162,7 @@ rule quality:
     input:
         [
             f"<results>/{name}/quality/{take}.{suffix}"
-            for name, subject in SUBJECTS.items()
-            if subject.source["kind"] == "video"
+            for name, subject in on_video().items()
             for take in subject.takes
             for suffix in ("html", "mp4")
         ],

@@ -139,7 +139,7 @@ rule track_onnx:
     resources:
         mem_mb=2000,
     params:
-        model=lambda w: SUBJECTS[w.subject].tracker.get("model"),
+        model=lambda w: SPEAKERS[w.subject].tracker.get("model"),
         start=lambda w: take_of(w).get("start", 0.0),
         end=lambda w: take_of(w).get("end"),
         code=library_code("track_onnx.py"),
@@ -150,7 +150,7 @@ rule track_onnx:
 rule track_files:
     input:
         video=film_of,
-        tracks=lambda w: precomputed_of(SUBJECTS[w.subject].tracker["folder"], w.clip),
+        tracks=lambda w: precomputed_of(SPEAKERS[w.subject].tracker["folder"], w.clip),
     output:
         track="<results>/{subject}/tracks/{clip}.h5",
     log:
@@ -165,7 +165,7 @@ rule track_files:
     resources:
         mem_mb=2000,
     params:
-        body_model=lambda w: SUBJECTS[w.subject].tracker.get("body_model"),
+        body_model=lambda w: SPEAKERS[w.subject].tracker.get("body_model"),
         start=lambda w: take_of(w).get("start", 0.0),
         end=lambda w: take_of(w).get("end"),
         code=library_code("track_files.py"),
@@ -200,4 +200,4 @@ rule overlay:
 # Target: the tracks of every subject of films.
 rule tracks:
     input:
-        [f"<results>/{name}/tracks/{take}.h5" for name, s in SUBJECTS.items() if s.tracker for take in s.takes],
+        [f"<results>/{name}/tracks/{take}.h5" for name, s in on_video().items() for take in s.takes],

@@ -5,6 +5,8 @@ from job import job, snakemake
 with job():
     from cospeech.capture.annotate import annotate
     from cospeech.capture.bones import read_bones
+    from cospeech.capture.face_model import FaceModel
+    from cospeech.capture.refusal import clip_or_refusal
     from cospeech.formats.mocap import cut_words
     from cospeech.render.quality import write_page
     from cospeech.speech import read_words
@@ -12,7 +14,8 @@ with job():
 
     files, name, track = snakemake.input, snakemake.wildcards.clip, Track.read(snakemake.input.track)
     words = read_words(files.words) if files.get("words") else None  # in the film's time
-    clip, quality = annotate(
+    clip, quality = clip_or_refusal(
+        annotate,
         track,
         files.wav,
         subject=snakemake.wildcards.subject,
@@ -20,6 +23,7 @@ with job():
         fps=snakemake.params.fps,
         audio_path=f"../media/{name}.wav",
         bones=read_bones(files.bones),
+        face_model=FaceModel.load(files.face_model) if files.get("face_model") else None,
         words=words and cut_words(words, track.start, track.start + track.frames / track.fps),
         name=files.track,
     )

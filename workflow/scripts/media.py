@@ -4,7 +4,9 @@ from job import job, snakemake
 
 with job():
     from cospeech.capture.media import take_sound
+    from cospeech.capture.refusal import sound_or_silence
     from cospeech.speech import write_wav
 
     files, params = snakemake.input, snakemake.params
-    write_wav(snakemake.output.wav, *take_sound(files.video, files.get("audio"), params.start, params.end))
+    listen = lambda: take_sound(files.video, files.get("audio"), params.start, params.end)  # noqa: E731
+    write_wav(snakemake.output.wav, *sound_or_silence(listen, snakemake.wildcards.clip))

@@ -9,5 +9,6 @@ with job():
     from cospeech.split import split_clips
 
     params = snakemake.params
-    frames = {Path(path).stem: Clip.read(path).frames for path in snakemake.input.clips}
+    clips = {Path(path).stem: Clip.read(path) for path in snakemake.input.clips}
+    frames = {take: clip.frames for take, clip in clips.items() if "refused" not in clip.extra}  # by clean-up
     split_clips(frames, params.parts, params.shares, params.by, params.seed).write(snakemake.output.split)

@@ -4,9 +4,11 @@ from job import job, snakemake
 
 with job():
     from cospeech.capture.precomputed import PrecomputedTracker
+    from cospeech.capture.refusal import track_or_refusal
     from cospeech.capture.trackers import run_trackers
     from cospeech.capture.video import open_film
 
-    film = open_film(snakemake.input.video, snakemake.params.start, snakemake.params.end)
-    tracker = PrecomputedTracker(snakemake.input.tracks, snakemake.params.body_model)
-    run_trackers(film, tracker).write(snakemake.output.track)
+    files, params = snakemake.input, snakemake.params
+    film = lambda: open_film(files.video, params.start, params.end)  # noqa: E731
+    look = lambda: run_trackers(film(), PrecomputedTracker(files.tracks, params.body_model))  # noqa: E731
+    track_or_refusal(look, snakemake.wildcards.clip).write(snakemake.output.track)

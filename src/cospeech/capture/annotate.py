@@ -31,6 +31,8 @@ def annotate(
     no person, too small a face, mostly hidden, no depth.
     """
     settings = settings or Cleanup()
+    if track.refused:
+        raise CospeechError(track.refused)
     sight = in_metres(assemble(track, name), bones)
     _refuse(track, sight, settings, name)
     seconds, samples, sample_rate = _sound(track, audio, audio_start, fps, name)

@@ -18,6 +18,8 @@ def measure_bones(paths):
     for path in paths:
         try:
             track = Track.read(path)
+            if track.refused:
+                raise CospeechError(f"{path}: {track.refused}")
             sight = in_metres(assemble(track, path))
         except CospeechError as error:
             notice(f"{error}; left out of the speaker's bone lengths")

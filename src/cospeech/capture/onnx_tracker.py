@@ -15,7 +15,8 @@ from cospeech.skeleton import Skeleton
 from cospeech.track import Camera, FaceCoefficients, Points
 
 BATCH = 16  # crops in one run where the boxes are known beforehand
-PASSES = 2  # looks at one picture where the first box is a guess
+PASSES = 3  # looks at one picture where the first box is a guess
+LEAST_BOX = 0.03  # share of the picture's longer side; what follows a smaller body has lost it
 
 
 class OnnxTracker:
@@ -57,10 +58,14 @@ class OnnxTracker:
             box = start if fresh else box
             for _ in range(PASSES if fresh else 1):
                 (found,) = self._seen([box], [picture.rgb])
-                box = box_of(found[0], found[2], self.manifest.least)
-                if box is None:
+                inside = np.where(_within(found[0], width, height), found[2], 0)
+                closer = box_of(found[0], inside, self.manifest.least)
+                lost = closer is None or max(closer[2:]) < LEAST_BOX * max(width, height)
+                if lost:
                     break
-            yield found if box is not None else None
+                box = closer
+            box = None if lost else box
+            yield None if lost else found
 
     def _look(self, pictures, boxes):
         """{part: [what is seen in each picture, or None]} about the boxes (F, 4) of each part, in batches."""
@@ -68,17 +73,22 @@ class OnnxTracker:
         while group := list(islice(pictures, self.batch)):
             for part, own in boxes.items():
                 there = [p for p in group if p.index < len(own) and np.isfinite(own[p.index]).all()]
-                images, places = [p.rgb for p in there], [own[p.index] for p in there]
-                found = []
-                for _ in range(PASSES if there else 0):
-                    found = self._seen(places, images, flipped=self.manifest.mirrored and part == "left_hand")
-                    if part == "face":
-                        break
-                    closer = [box_of(xy, score, self.manifest.least) for xy, _, score in found]
-                    places = [old if new is None else new for old, new in zip(places, closer, strict=True)]
+                found = self._surest(part, [p.rgb for p in there], [own[p.index] for p in there]) if there else []
                 seen = dict(zip((p.index for p in there), found, strict=True))
                 rows[part] += [seen.get(p.index) for p in group]
         return rows
+
+    def _surest(self, part, images, places):
+        """What is seen of a part in N images about N boxes, and then about what was seen: of the looks the surest."""
+        best = None
+        for _ in range(1 if part == "face" else PASSES):
+            found = self._seen(places, images, flipped=self.manifest.mirrored and part == "left_hand")
+            pairs = zip(best or found, found, strict=True)
+            best = [new if new[2].mean() >= old[2].mean() else old for old, new in pairs]
+            if part != "face":
+                closer = [box_of(xy, score, self.manifest.least) for xy, _, score in found]
+                places = [old if new is None else new for old, new in zip(places, closer, strict=True)]
+        return best
 
     def _seen(self, boxes, images, flipped=False):
         """What the network finds about each of N boxes: N times (xy (K, 2) pixels of the picture, xyz, score (K,)); for
@@ -167,6 +177,11 @@ def posenet_trackers(folder, threads=None):
     for tracker in trackers:
         tracker.name = "posenet"
     return {part: tracker for tracker in trackers for part in tracker.parts}
+
+
+def _within(xy, width, height):
+    """(K,) bool: the points in the picture. Networks learn from crops of what is seen; they imagine hidden legs too."""
+    return ((xy >= -0.5) & (xy < (width - 0.5, height - 0.5))).all(axis=1)
 
 
 def _first_boxes(part, seen, film):

@@ -27,6 +27,7 @@ class Quality:
         wrist, over frames seen together with both neighbours: in the track at the video's rate, and in the clip.
     valid : share of frames that training may use. tilt : degrees by which the take was turned upright.
     dropped : {gate: share of the seen joints that it dropped}. timeline : {part: (T,) share of its joints known}.
+    refused : why the take is not used, or "".
     """
 
     subject: str
@@ -46,10 +47,11 @@ class Quality:
     dropped: dict = field(default_factory=dict)
     timeline: dict = field(default_factory=dict)
     licence_note: str = ""
+    refused: str = ""
 
     def write(self, path):
         """Write the HDF5 file: scalars `bone_deviation`, `jitter_raw`..., groups `observed/<part>` and so on."""
-        head = {key: getattr(self, key) for key in ("subject", "clip", "fps", "frames", "backend", "licence_note")}
+        head = {key: getattr(self, key) for key in HEAD}
         with writing_hdf5(path, SCHEMA, **head, cospeech_version=__version__) as file:
             for key in SCALARS:
                 put(file, key, np.float64(getattr(self, key)))
@@ -61,12 +63,13 @@ class Quality:
     def read(cls, path):
         """Read it; CospeechError for another file."""
         with reading_hdf5(path, SCHEMA) as file:
-            head = {key: file.attrs[key] for key in ("subject", "clip", "fps", "frames", "backend", "licence_note")}
+            head = {key: file.attrs[key] for key in HEAD if key in file.attrs}
             scalars = {key: float(file[key][()]) for key in SCALARS}
             groups = {key: {name: item[()] for name, item in file.get(key, {}).items()} for key in GROUPS}
         return cls(**head, **scalars, **groups)
 
 
+HEAD = ("subject", "clip", "fps", "frames", "backend", "licence_note", "refused")
 SCALARS = ("bone_deviation", "bone_deviation_raw", "jitter_raw", "jitter_clean", "valid", "tilt")
 GROUPS = (*SHARES, "dropped", "timeline")
 

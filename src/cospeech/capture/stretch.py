@@ -129,6 +129,21 @@ def _attach_hands(positions, resting, bones):
         positions[:, hand] += positions[:, wrist, None] - positions[:, root, None]
 
 
+def stand(bones):
+    """(55, 3) metres: somebody with these bone lengths (55,) who stands, arms hanging, pelvis at the origin."""
+    ways = {"spine": (0, 1, 0), "neck": (0, 1, 0), "head": (0, 0.9, 0.4), "head_top": (0, 1, 0)}
+    for side, sign in SIDES.items():
+        ways |= {f"{side}_hip": (sign, -0.5, 0), f"{side}_shoulder": (sign, -0.2, 0)}
+        ways |= {f"{side}_elbow": (0.1 * sign, -1, 0), f"{side}_wrist": (0.1 * sign, -1, 0.1)}
+    positions = np.zeros((1, len(UPPER55), 3))
+    for joint in UPPER55.order:
+        if (name := UPPER55.names[joint]) in ways:
+            way = np.array(ways[name]) / np.linalg.norm(ways[name])
+            positions[0, joint] = positions[0, UPPER55.parents[joint]] + bones[joint] * way
+    _attach_hands(positions, np.ones(len(UPPER55), bool), bones)
+    return positions[0]
+
+
 def _clean_face(face, turn, clock, apart, sigma):
     """The face on the clip's clock, its rotation in the clip's axes by `turn` (T rotations) and smoothed."""
     fps, rate, frames, start = clock

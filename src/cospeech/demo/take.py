@@ -72,15 +72,8 @@ def read_take(truth, wav, *, fps=15.0, subject, clip, audio_path=""):
     """
     from cospeech.speech import integrated_loudness, load_audio, speech_features
 
-    with reading_hdf5(truth, SCHEMA) as file:
-        if file.attrs["audio_sha256"] != sha256(wav):
-            raise CospeechError(f"{wav}: not the sound that belongs to {truth}; make both again")
-        rate, seconds = float(file.attrs["fps"]), float(file.attrs["seconds"])
-        frames = round(seconds * fps)
-        take = lambda name: _resampled(file[name][()].astype(np.float64), rate, fps, frames)  # noqa: E731
-        positions = with_bone_lengths(take("motion/positions"), bone_lengths(file["motion/positions"][:1]))
-        expression, rotation = np.clip(take("face/expression"), 0, 1), take("face/rotation")
-        words = Words(file["words/start"][()], file["words/end"][()], list(file["words/text"].asstr()[()]))
+    positions, rotation, expression, words = read_motion(truth, wav, fps)
+    frames = len(positions)
     samples, sample_rate = load_audio(wav)
     return Clip(
         subject, clip, fps, positions.astype(np.float32), speech_features(samples, sample_rate, fps, frames=frames),
@@ -89,6 +82,19 @@ def read_take(truth, wav, *, fps=15.0, subject, clip, audio_path=""):
         sample_rate=sample_rate, loudness_lufs=float(integrated_loudness(samples, sample_rate)),
         source=Path(truth).name, source_sha256=sha256(truth),
     )  # fmt: skip
+
+
+def read_motion(truth, wav, fps):
+    """(positions (T, 55, 3) metres, rotation (T, 3), expression (T, 64), `Words`) of a take; see `read_take`."""
+    with reading_hdf5(truth, SCHEMA) as file:
+        if file.attrs["audio_sha256"] != sha256(wav):
+            raise CospeechError(f"{wav}: not the sound that belongs to {truth}; make both again")
+        rate, seconds = float(file.attrs["fps"]), float(file.attrs["seconds"])
+        frames = round(seconds * fps)
+        take = lambda name: _resampled(file[name][()].astype(np.float64), rate, fps, frames)  # noqa: E731
+        positions = with_bone_lengths(take("motion/positions"), bone_lengths(file["motion/positions"][:1]))
+        words = Words(file["words/start"][()], file["words/end"][()], list(file["words/text"].asstr()[()]))
+        return positions, take("face/rotation"), np.clip(take("face/expression"), 0, 1), words
 
 
 def _sentences(voice, seconds, rng):

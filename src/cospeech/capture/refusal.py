@@ -1,0 +1,87 @@
+"""Takes that cannot be used: each stays behind as a stand-in that says why, so that no bad take stops the others.
+
+A refused track has no parts, a refused clip has no valid frame; nothing trains on it or is judged by it.
+"""
+
+import csv
+
+import numpy as np
+
+from cospeech.capture.assemble import PARTS
+from cospeech.capture.cleanup import completed
+from cospeech.capture.quality import SCALARS, SHARES, Quality
+from cospeech.capture.stretch import stand
+from cospeech.clip import Clip
+from cospeech.errors import CospeechError, notice
+from cospeech.files import writing
+from cospeech.track import Track
+
+SILENCE = np.zeros(16000, np.float32), 16000  # stands in for the sound of a film that cannot be read
+HEADINGS = ("subject", "take", "refused", "valid [%]", "body seen [%]", "hands seen [%]", "face seen [%]",
+            "bone deviation [%]", "jitter, tracked [m/s^2]", "jitter, cleaned [m/s^2]")  # fmt: skip
+
+
+def track_or_refusal(look, name):
+    """The `Track` that look() returns; where it raises CospeechError, a notice, and a refused track that keeps why."""
+    try:
+        return look()
+    except CospeechError as error:
+        notice(f"{name}: refused: {error}")
+        return Track(15.0, 1, 1, 1, refused=str(error))
+
+
+def sound_or_silence(listen, name):
+    """(samples, rate) that listen() returns; where it raises CospeechError, a notice, and a second of silence."""
+    try:
+        return listen()
+    except CospeechError as error:
+        notice(f"{name}: {error}; silence stands in")
+        return SILENCE
+
+
+def clip_or_refusal(annotate, track, audio, **options):
+    """What `annotate.annotate` returns of a track and its sound; where it raises CospeechError, a notice and
+    `refused_take`."""
+    from cospeech.speech import load_audio
+
+    try:
+        return annotate(track, audio, **options)
+    except CospeechError as error:
+        notice(f"{options['subject']}/{options['clip']}: refused: {error}")
+        kept = {key: options[key] for key in ("subject", "clip", "fps", "bones", "audio_path")}
+        return refused_take(str(error), *load_audio(audio), **kept)
+
+
+def refused_take(reason, samples, sample_rate, *, bones, subject, clip, fps, audio_path=""):
+    """(Clip, Quality) of a take that is refused for `reason`: somebody with the speaker's bones (55,) who stands still
+    for as long as the sound, with confidence 0 and no valid frame; `clip.extra["refused"]` is the reason."""
+    from cospeech.speech import integrated_loudness, speech_features
+
+    frames = max(round(len(samples) / sample_rate * fps), 1)
+    positions = np.repeat(stand(completed(bones))[None], frames, axis=0).astype(np.float32)
+    made = Clip(
+        subject, clip, float(fps), positions, speech_features(samples, sample_rate, fps=fps, frames=frames),
+        valid=np.zeros(frames, bool), confidence=np.zeros(positions.shape[:2], np.float32), audio=audio_path,
+        sample_rate=int(sample_rate), loudness_lufs=float(integrated_loudness(samples, sample_rate)),
+        extra={"refused": reason},
+    )  # fmt: skip
+    none, all_ = (dict.fromkeys(PARTS, share) for share in (0.0, 1.0))
+    shares = {key: all_ if key == "excluded" else none for key in SHARES}
+    empty = dict.fromkeys(SCALARS, 0.0)
+    return made.validate(), Quality(subject, clip, float(fps), frames, "", **shares, **empty, refused=reason)
+
+
+def write_takes(path, qualities, absent=()):
+    """One line a take as CSV: why it was refused, or how good its annotation is. absent : [(subject, take, reason)] of
+    those that were left out before anything was made of them."""
+    percent = lambda share: f"{100 * share:.4g}"  # noqa: E731
+    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(HEADINGS)
+        for q in qualities:
+            seen = lambda *parts: percent(np.mean([q.observed[p] for p in parts])) if parts[0] in q.observed else "n/a"  # noqa: B023, E731
+            numbers = [percent(q.valid), seen("body"), seen("right_hand", "left_hand"), seen("face")]
+            numbers += [percent(q.bone_deviation), f"{q.jitter_raw:.3g}", f"{q.jitter_clean:.3g}"]
+            table.writerow([q.subject, q.clip, q.refused, *(["n/a"] * 7 if q.refused else numbers)])
+        for subject, take, reason in absent:
+            table.writerow([subject, take, reason, *["n/a"] * 7])
