@@ -13,15 +13,29 @@ include: "workflow/rules/evaluation.smk"
 include: "workflow/rules/control.smk"
 include: "workflow/rules/posenet.smk"
 include: "workflow/rules/sync.smk"
+include: "workflow/rules/chapter4.smk"
+include: "workflow/rules/ha2g.smk"
+include: "workflow/rules/ha2g_tables.smk"
+include: "workflow/rules/films.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/study.smk"
 
 
 rule all:
-    default_target: True
+    default_target: not config.get("ensemble")
     input:
         all_models(),
         all_syntheses(),
         rules.evaluation.input,
         rules.control_tables.input,
         rules.posenet.input,
+        rules.annotation.input,
         rules.report.input,
+
+
+# A configuration with an `ensemble:` asks for what its speakers learn together, and for nothing else.
+rule all_speakers:
+    default_target: bool(config.get("ensemble"))
+    input:
+        rules.ha2g.input,
+        rules.ha2g_table_1.input,

@@ -14,7 +14,7 @@ ORDER = [
     *("speech", "formats", "capture"),
     *("settings", "windows", "weights", "unet1d", "training", "split"),
     *("posenet", "gestures", "matching", "synthesis"),
-    *("evaluation", "render", "demo", "describe", "commands", "cli"),
+    *("evaluation", "render", "study", "demo", "describe", "commands", "cli"),
 ]
 STRANGERS = [{"gestures", "matching"}, {"posenet", "gestures"}, {"posenet", "matching"}]  # do not know each other
 MODULES = sorted(SOURCE.rglob("*.py"))

@@ -20,11 +20,15 @@ SCHEMAS = Path(__file__).parent / "schemas"
 SHARES = {"train": 0.8, "val": 0.1, "test": 0.1, "by": "take"}
 
 
+ON_FILM = "{}_on_film"  # what is made of a subject's films is another subject
+
+
 @dataclass(frozen=True)
 class Subject:
     """One speaker: `source` as in the subject file, `split` = the shares and `by`.
 
-    For films: `tracker` = its name and files, `absent` = {take: why it is left out}.
+    For films: `tracker` = its name and files, `absent` = {take: why it is left out}, `played_by` = the demo speaker who
+    is seen in them.
     """
 
     name: str
@@ -33,6 +37,7 @@ class Subject:
     seed: int
     tracker: dict = field(default_factory=dict)
     absent: dict = field(default_factory=dict)
+    played_by: str = ""
 
     @cached_property
     def takes(self):
@@ -64,6 +69,21 @@ class Subject:
         """{take id: its part}, or None for a take that is cut in time."""
         found = {take: [part for part in PARTS if take in self.takes_of(part)] for take in self.takes}
         return {take: parts[0] if len(parts) == 1 else None for take, parts in found.items()}
+
+
+def on_film(subjects, results):
+    """{name: Subject} of the films of virtual speakers, which capture sees as it sees anyone's: the first takes of
+    those whose source has `film`, each with a film under the results."""
+    films = {}
+    for name, subject in subjects.items():
+        if asked := subject.source.get("film"):
+            seen = ON_FILM.format(name)
+            media, takes = Path(results) / seen / "media", list(subject.takes)[: asked["takes"]]
+            takes = [{"id": take, "film": str(media / f"{take}.mp4")} for take in takes]
+            source = {"kind": "video", "takes": takes, "domain": asked["domain"]}
+            split = subject.split | {"by": "take"}
+            films[seen] = Subject(seen, source, split, subject.seed, subject.tracker, played_by=name)
+    return films
 
 
 def load_configuration(config, workflow):
@@ -101,6 +121,7 @@ def read_configuration(config, label, home):
         subjects[subject.name] = subject
     _check_synthesis(config, subjects, label)
     _check_posenet(config.get("posenet", {}), label)
+    _check_ensemble(config.get("ensemble"), subjects, config["fps"], label)
     path = _locate(config["budget"], Path(home) / "config" / "budgets", f"{label}: budget")
     budget = read_yaml(path)
     check(budget, "budget", path)
@@ -112,8 +133,9 @@ def read_subject(path, seed=0, results="results"):
     content = read_yaml(path)
     check(content, "subject", path)
     source, tracker, absent = content["source"], {}, {}
-    if source["kind"] == "video":
+    if source["kind"] == "video" or "film" in source:
         tracker = _tracker_of(content, path)
+    if source["kind"] == "video":
         takes, absent = film_takes(source, Path(results) / content["name"] / "media", path)
         source = source | {"takes": takes}
     subject = Subject(content["name"], source, SHARES | content.get("split", {}), seed, tracker, absent)
@@ -128,7 +150,8 @@ def read_subject(path, seed=0, results="results"):
 
 def _tracker_of(content, path):
     """{name, manifest, model, folder} of a subject of films."""
-    tracker = {key: content[key] for key in ("manifest", "model", "folder", "body_model") if key in content}
+    keys = ("manifest", "model", "folder", "body_model", "face_model")
+    tracker = {key: content[key] for key in keys if key in content}
     name = content.get("tracker", "mediapipe")
     for key, owner in {"manifest": "onnx", "model": "onnx", "folder": "tracks", "body_model": "tracks"}.items():
         if key in tracker and name != owner:
@@ -181,6 +204,25 @@ def _check_posenet(posenet, label):
         for path in paths:
             if not Path(path).is_file():
                 raise CospeechError(f"{label}: posenet.{key}: {path}: no such file")
+
+
+def _check_ensemble(ensemble, subjects, fps, label):
+    if not ensemble:
+        return
+    where, speakers, held_out = f"{label}: ensemble", ensemble["speakers"], ensemble.get("held_out", [])
+    if ensemble["name"] in subjects:
+        raise CospeechError(f"{where}: name {ensemble['name']!r} is a subject's; results would collide")
+    for key, names, known in (("speakers", speakers, subjects), ("held_out", held_out, speakers)):
+        unknown = [name for name in names if name not in known]
+        if unknown:
+            raise CospeechError(f"{where}.{key}: {unknown[0]!r} is not one of {', '.join(known)}")
+    if set(held_out) == set(speakers):
+        raise CospeechError(f"{where}.held_out: all speakers are held out; leave one to learn from")
+    embeddings = ensemble.get("embeddings")
+    if embeddings and not Path(embeddings).is_file():
+        raise CospeechError(f"{where}.embeddings: {embeddings}: no such file")
+    if fps != 15:
+        raise CospeechError(f"{label}: fps: {fps:g}: HA2G's windows of 34 frames and 70 columns are for 15 fps")
 
 
 def _locate(entry, folder, where):

@@ -47,5 +47,14 @@ def _range(dataset):
 def _describe_weights(path):
     arrays, description = load_weights(path)
     count = sum(array.size for array in arrays.values())
-    lines = [f"{path}: {len(arrays)} arrays, {count:,} numbers", *json.dumps(description, indent=2).splitlines()]
-    return "\n".join(lines)
+    text = json.dumps(_shortened(description), indent=2)
+    return "\n".join([f"{path}: {len(arrays)} arrays, {count:,} numbers", *text.splitlines()])
+
+
+def _shortened(value, longest=12):
+    """A JSON value in which long lists are told by their length."""
+    if isinstance(value, dict):
+        return {key: _shortened(part, longest) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_shortened(part, longest) for part in value] if len(value) <= longest else f"{len(value)} values"
+    return value

@@ -2,7 +2,7 @@
 
 import pytest
 import yaml
-from configuration import read_subject
+from configuration import on_film, read_subject
 
 from cospeech.errors import CospeechError
 
@@ -60,9 +60,31 @@ def test_nothing_at_all_is_an_error(films, offline):
         subject({"source": {"kind": "video", "takes": [{"id": "d", "video": "https://example.org/talk"}]}})
 
 
+DEMO = {"kind": "demo", "speaker": "calm", "minutes": 1.0, "takes": 6}
+
+
+def test_films_of_the_virtual_speaker_are_a_subject_of_their_own(films):
+    """The first takes, each with a film to be made; the speaker's own takes and split stay what they are without."""
+    played = subject({"source": DEMO | {"film": {"domain": "wild", "takes": 3}}, "tracker": "posenet"})
+    plain = subject({"source": DEMO})
+    assert played.takes == plain.takes and played.parts == plain.parts
+    assert on_film({"ada": plain}, "out") == {}
+    (seen,) = on_film({"ada": played}, "out").values()
+    assert (seen.name, seen.played_by, seen.source["domain"]) == ("ada_on_film", "ada", "wild")
+    assert [take["film"] for take in seen.takes.values()] == [f"out/ada_on_film/media/take0{i}.mp4" for i in (1, 2, 3)]
+    assert seen.tracker == {"name": "posenet"} and seen.takes_of("train") and seen.takes_of("test")
+
+
+def test_a_face_model_goes_with_any_tracker(films):
+    found = subject({"source": {"kind": "video", "takes": TAKES}, "tracker": "mediapipe", "face_model": "own.h5"})
+    assert found.tracker == {"name": "mediapipe", "face_model": "own.h5"}
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
+        ({"source": DEMO | {"film": {"domain": "moon", "takes": 2}}}, ["source.film.domain", "moon"]),
+        ({"source": DEMO | {"film": {"domain": "wild", "takes": 1}}}, ["source.film.takes"]),
         ({"source": {"kind": "video"}}, []),
         ({"source": {"kind": "video", "takes": TAKES, "manifest": "list.csv"}}, []),
         ({"source": {"kind": "video", "takes": TAKES}, "tracker": "sonar"}, ["tracker", "sonar", "mediapipe"]),

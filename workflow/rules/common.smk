@@ -6,7 +6,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 
-from configuration import load_configuration
+from configuration import load_configuration, on_film
 from digest import library_code
 from restart import forgive_killed_run
 from video_takes import precomputed_of
@@ -14,12 +14,16 @@ from video_takes import precomputed_of
 forgive_killed_run(workflow)
 
 SUBJECTS, BUDGET = load_configuration(config, workflow)
+FILMS = on_film(SUBJECTS, config["results_dir"])  # of virtual speakers; they become clips and no more (films.smk)
+SPEAKERS = SUBJECTS | FILMS
 MODELS = config["models"]
-TRAINED = [model for model in MODELS if model != "knn"]  # knn searches the database and has no weights
 MATCHED = ("knn", "resync")
+DRAWN = ("mean_pose", "random")  # from the training part itself
+TRAINED = [model for model in MODELS if model not in ("knn", *DRAWN)]  # knn searches the database and has no weights
 ROWS = ["ground_truth", "mismatched", "mean_pose", *MODELS]  # of every table; the first three are no models
-KNOWN = "regression|gesture_gan|velocity_gan|lstm|moglow|knn|resync"
+KNOWN = "regression|gesture_gan|velocity_gan|lstm|moglow(_height|_speed|_symmetry)?|knn|resync|mean_pose|random"
 SHOWN = f"ground_truth|{KNOWN}"  # wildcard constraint: whose motion lies under synthesis/
+SEEDS = config.get("chapter4", {}).get("seeds", [0, 1, 2])  # of the tables that have a deviation over seeds
 POSENET = {"parts": [], "data": {}, "imagenet": "", "seeds": [0, 1, 2]} | config.get("posenet", {})
 PART = "<results>/posenet/{part}"
 SYNTHESES = {(e["subject"], e["model"], e["name"]): e for e in config["synthesis"]}
@@ -39,12 +43,12 @@ wildcard_constraints:
 
 def of_kind(kind):
     """Wildcard constraint: the subjects whose source is of this kind (a pattern that nothing matches if there are none)."""
-    return "|".join(name for name, subject in SUBJECTS.items() if subject.source["kind"] == kind) or "(?!)"
+    return "|".join(name for name, subject in SPEAKERS.items() if subject.source["kind"] == kind) or "(?!)"
 
 
 def take_of(wildcards):
     """The take's entry in its subject file."""
-    return SUBJECTS[wildcards.subject].takes[wildcards.clip]
+    return SPEAKERS[wildcards.subject].takes[wildcards.clip]
 
 
 def clips_of(*parts):
@@ -56,6 +60,11 @@ def clips_of(*parts):
         return [f"<results>/{subject.name}/clips/{take}.h5" for take in takes]
 
     return clips
+
+
+def section_of(model):
+    """The budget's section for a model: MoGlow's control variants share one."""
+    return "moglow" if model.startswith("moglow") else model
 
 
 def all_models():
@@ -88,7 +97,9 @@ def all_films():
 def generator_of(wildcards):
     """Input function: what a model generates from."""
     folder = f"<results>/{wildcards.subject}"
-    files = {"network": f"{folder}/models/{wildcards.model}/model.onnx"} if wildcards.model in TRAINED else {}
+    if wildcards.model in DRAWN:
+        return {"split": f"{folder}/split.h5", "clips": clips_of("train")(wildcards)}
+    files = {"network": f"{folder}/models/{wildcards.model}/model.onnx"} if wildcards.model != "knn" else {}
     return files | ({"database": f"{folder}/database.h5"} if wildcards.model in MATCHED else {})
 
 
@@ -122,9 +133,14 @@ def truth_beside(wildcards):
     return [f"<results>/{wildcards.subject}/synthesis/ground_truth/{wildcards.clip}.h5"]
 
 
+def on_video():
+    """{name: Subject} of those who are known from films."""
+    return {name: subject for name, subject in SPEAKERS.items() if subject.source["kind"] == "video"}
+
+
 def tracked_by(tracker):
     """Wildcard constraint: the subjects of films that this tracker sees."""
-    return "|".join(name for name, s in SUBJECTS.items() if s.tracker.get("name") == tracker) or "(?!)"
+    return "|".join(name for name, s in on_video().items() if s.tracker["name"] == tracker) or "(?!)"
 
 
 def film_of(wildcards):
@@ -134,7 +150,7 @@ def film_of(wildcards):
 
 def tracker_file(key):
     """Input function: a file or folder that the subject's tracker reads."""
-    return lambda w: SUBJECTS[w.subject].tracker[key]
+    return lambda w: SPEAKERS[w.subject].tracker[key]
 
 
 def posenet_files(name):
@@ -145,7 +161,7 @@ def posenet_files(name):
 
 def fetched():
     """Wildcard constraint: the takes whose film is fetched under their name."""
-    takes = [t for s in SUBJECTS.values() if s.tracker for t in s.takes.values() if "url" in t]
+    takes = [t for s in on_video().values() for t in s.takes.values() if "url" in t]
     return "|".join({Path(take["film"]).stem for take in takes}) or "(?!)"
 
 
@@ -159,7 +175,7 @@ def people_of(use):
 
 
 def posenet_settings(*sections):
-    """A training's keys of the budget, later sections over earlier ones."""
+    """A training's keys of the budget, later sections over earlier ones; a section that is not there changes nothing."""
     settings = {"threads": BUDGET["threads"]}
     for section in sections:
         settings |= BUDGET.get(section, {})

@@ -21,7 +21,7 @@ rule make_people:
     resources:
         mem_mb=1000,
     params:
-        settings=posenet_settings("posenet"),
+        settings=lambda wildcards: posenet_settings("posenet", f"posenet_{wildcards.part}"),
         seed=config["seed"],
         code=library_code("posenet_people.py"),
     script:
@@ -31,6 +31,7 @@ rule make_people:
 rule train_posenet:
     input:
         people=people_of("train"),
+        test=people_of("test"),
         imagenet=POSENET["imagenet"] or [],
     output:
         weights=f"{PART}/weights.safetensors",
@@ -41,12 +42,12 @@ rule train_posenet:
         "<benchmarks>/posenet/train-{part}.tsv"
     conda:
         "../../envs/cospeech.yaml"
-    threads: posenet_settings("posenet")["threads"]
+    threads: lambda wildcards: posenet_settings("posenet", f"posenet_{wildcards.part}")["threads"]
     resources:
         mem_mb=1900,
         gpu=1,
     params:
-        settings=posenet_settings("posenet"),
+        settings=lambda wildcards: posenet_settings("posenet", f"posenet_{wildcards.part}"),
         seed=config["seed"],
         checkpoint=f"{config['results_dir']}/checkpoints/posenet-{{part}}.pt",
         code=library_code("posenet_train.py"),

@@ -17,6 +17,7 @@ with job():
         seed=int(snakemake.wildcards.seed),
         folder=Path(made.weights).parent,
         imagenet=files.get("imagenet") or None,
+        test=files.test,
         checkpoint=snakemake.params.checkpoint,
     )
     export_posenet(made.weights, made.network, made.manifest)

@@ -14,5 +14,6 @@ with job():
         seed=snakemake.params.seed,
         folder=Path(snakemake.output.weights).parent,
         imagenet=snakemake.input.get("imagenet") or None,
+        test=snakemake.input.test,
         checkpoint=snakemake.params.checkpoint,
     )

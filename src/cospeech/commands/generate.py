@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from cospeech.commands.results import configuration, subject_folder
+from cospeech.commands.shared import ensemble_folder, generate_shared
 from cospeech.errors import CospeechError
 
 
@@ -15,7 +16,8 @@ def add(commands):
     )  # fmt: skip
     option = generate.add_argument
     option("--subject", metavar="NAME", help="whose gestures: a subject that the workflow has trained")
-    option("--model", metavar="MODEL", help="regression, gesture_gan, velocity_gan, lstm, moglow, knn, resync")
+    option("--model", metavar="MODEL", help="regression, gesture_gan, velocity_gan, lstm, moglow, knn, "
+        "resync... (docs/models.md)")  # fmt: skip
     option("--audio", metavar="FILE", help="speech: any sound file, or a film with sound")
     option("--out", metavar="FILE", help="file to write: .bvh .glb .csv .h5 or .mp4")
     option("--config", metavar="FILE", help="configuration that names results_dir and fps")
@@ -43,6 +45,8 @@ def add(commands):
     option("--list-controls", action="store_true", help="list what can be controlled, with the thresholds of --subject "
         "if given, and exit")  # fmt: skip
     option("--explain", action="store_true", help="knn, resync: tell where every window of 8 frames is from, and why")
+    option("--style", metavar="SPEAKERS", help="ha2g and others of many speakers, whose ensemble is the --subject: "
+        "in whose manner, calm or calm=0.7,lively=0.3 or random (default: everyone's)")  # fmt: skip
     option("--smoothing", type=float, metavar="FRAMES", help="sigma of the Gaussian over time (default: as published)")
     option("--threads", type=int, help="CPU threads for the networks (default: all)")
     generate.set_defaults(run=_run)
@@ -84,7 +88,13 @@ def _generate(options):
     for name in ("subject", "model", "audio", "out"):
         if getattr(options, name) is None:
             raise CospeechError(f"--{name} is missing; `cospeech generate --help` tells what it is")
+    if ensemble := ensemble_folder(options):
+        _check_suffix(options.out)
+        generate_shared(options, ensemble, _write)
+        return
     check_model(options.model)
+    if options.style:
+        raise CospeechError(f"--style mixes the speakers of an ensemble, and {options.subject!r} is none")
     chosen = _search_options(options)
     _check_suffix(options.out)
     folder, fps = _results(options)
@@ -109,7 +119,8 @@ def _search_options(options):
     names = ("k", "initial", "placement", "control", "keyword", "gestures", "seams")
     asked = {name: value for name in names if (value := getattr(options, name)) is not None}
     named = [*asked, *(["explain"] if options.explain else [])]
-    if named and options.model not in ("knn", "resync"):
+    told = options.model.startswith("moglow_") and named == ["control"]  # MoGlow's variants, which take a target
+    if named and options.model not in ("knn", "resync") and not told:
         raise CospeechError(f"--{named[0]} is about matches, which {options.model} has none of; use knn or resync")
     if "gestures" in asked and "keyword" not in asked:
         raise CospeechError("--gestures has gestures for --keyword; name one, as in --keyword huge=wide")

@@ -1,0 +1,93 @@
+"""HA2G in the workflow: what a run would do, which takes and speakers go where, and one line for each mistake."""
+
+import re
+import sys
+from dataclasses import fields
+
+import pytest
+import yaml
+
+from cospeech.errors import CospeechError
+from tests.workflow.conftest import ROOT, snakemake  # noqa: F401 - a fixture
+
+sys.path.insert(0, str(ROOT / "workflow"))
+
+from configuration import SCHEMAS, check, read_configuration, read_yaml
+
+
+def merged(**changes):
+    """config.yaml with ha2g.yaml over it and these keys of the ensemble changed."""
+    config = read_yaml(ROOT / "config/config.yaml") | read_yaml(ROOT / "config/ha2g.yaml")
+    config["ensemble"] |= changes
+    return config
+
+
+def test_the_ensemble_file_is_accepted_and_every_key_commented():
+    config = merged()
+    read_configuration(config, "config/ha2g.yaml", ROOT)
+    text = (ROOT / "config/ha2g.yaml").read_text()
+    known = read_yaml(SCHEMAS / "config.schema.yaml")["properties"]["ensemble"]["properties"]
+    assert set(config["ensemble"]) == set(known)
+    for key in known:
+        assert re.search(rf"^  # .*\n  {key}:", text, re.MULTILINE), f"{key} has no comment"
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({"name": "calm"}, "name 'calm' is a subject's"),
+        ({"speakers": ["calm", "ada"]}, "ensemble.speakers: 'ada' is not one of calm, lively"),
+        ({"held_out": ["ada"]}, "ensemble.held_out: 'ada' is not one of calm, lively"),
+        ({"held_out": ["calm", "lively"]}, "all speakers are held out"),
+        ({"embeddings": "nowhere.vec"}, "ensemble.embeddings: nowhere.vec: no such file"),
+        ({"models": ["ha2f"]}, "'ha2f' is not one of ha2g, trimodal"),
+        ({"seeds": []}, "ensemble.seeds: the list is empty"),
+        ({"levles": "ted10"}, "unknown key 'levles'; did you mean 'levels'"),
+    ],
+)
+def test_a_mistake_is_one_line(changes, line):
+    with pytest.raises(CospeechError, match=re.escape(line)) as error:
+        read_configuration(merged(**changes), "my.yaml", ROOT)
+    assert str(error.value).startswith("my.yaml: ") and "\n" not in str(error.value)
+
+
+def test_other_frame_rates_are_refused():
+    with pytest.raises(CospeechError, match=r"fps: 30: .* for 15 fps"):
+        read_configuration(merged() | {"fps": 30}, "my.yaml", ROOT)
+
+
+def test_budget_sections_have_the_trainings_keys():
+    from cospeech.gestures.ha2g import hierarchy, joint_embedding, seq2seq, speech2gesture, trimodal
+    from cospeech.gestures.ha2g.filters import Filters
+
+    budget = read_yaml(SCHEMAS / "budget.schema.yaml")
+    sections = {"trimodal": trimodal, "seq2seq": seq2seq, "speech2gesture": speech2gesture,
+                "joint_embedding": joint_embedding}  # fmt: skip
+    known = {name: budget["properties"][name]["properties"] for name in sections} | {
+        "ha2g": budget["$defs"]["ha2g"]["properties"]
+    }
+    for name, module in (sections | {"ha2g": hierarchy}).items():
+        assert set(known[name]) == {field.name for field in fields(module.Settings)}, name
+        if "weights" in known[name]:
+            assert set(known[name]["weights"]["properties"]) == set(module.Settings().weights), name
+    config = read_yaml(SCHEMAS / "config.schema.yaml")["properties"]["ensemble"]["properties"]
+    assert set(config["filters"]["properties"]) == {field.name for field in fields(Filters)}
+    check(read_yaml(ROOT / "config/budgets/paper.yaml"), "budget", "paper.yaml")
+
+
+def test_training_opens_no_take_of_another_part_and_no_speaker_who_is_held_out(snakemake, tmp_path):  # noqa: F811
+    """The input of the one job that makes the training material, as a dry run lists it."""
+    own = tmp_path / "own.yaml"
+    own.write_text(yaml.safe_dump({"ensemble": merged(held_out=["lively"])["ensemble"]}))
+    arguments = ("--configfile", str(own), "--dry-run", "--cores", "2", "--forceall", "--nolock")
+    done = snakemake(ROOT, *arguments)
+    assert done.returncode == 0, done.stdout
+    corpus = re.search(r"^rule collect_corpus:\n    input: (.*)$", done.stdout, re.MULTILINE)[1].split(", ")
+    subjects, _ = read_configuration(merged(), "x", ROOT)
+    trained = [f"results/calm/clips/{take}.h5" for take in subjects["calm"].takes_of("train")]
+    assert corpus == ["results/calm/split.h5", *trained]
+    spoken = re.findall(r"results/everyone/synthesis/ha2g_0/(\w+)/(\w+)\.h5", done.stdout)
+    assert {clip for speaker, clip in spoken if speaker == "lively"} == set(subjects["lively"].takes_of("test"))
+    assert not set(subjects["lively"].takes_of("test")) & set(subjects["lively"].takes_of("train"))
+    counts = dict(re.findall(r"^(\w+) +(\d+)$", done.stdout, re.MULTILINE))
+    assert counts["train_shared"] == counts["synthesize_shared"] == "5"

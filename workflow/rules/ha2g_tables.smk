@@ -1,0 +1,166 @@
+# HA2G's tables over all speakers of `ensemble:` (docs/ha2g_metrics.md): results/tables/ha2g_table_1.csv, ha2g_table_3.csv
+# and ha2g_table_4.csv, and every metric of Table 1's rows in results/<ensemble>/metrics.csv.
+
+RULERS = ("expressive", "expressive_compat", "trimodal", "trimodal_compat")
+HA2G_BASELINES = ("ground_truth", "mismatched", "shuffled", "mean_pose")
+HA2G_LABELS = {
+    "seq2seq": "Seq2Seq",
+    "speech2gesture": "Speech2Gesture",
+    "joint_embedding": "Joint Embedding",
+    "trimodal": "Trimodal",
+    "ha2g": "HA2G",
+}
+OWN_MODELS = [model for model in MODELS if model not in DRAWN]  # each trained on one speaker alone
+# Table: its rows, and what the publication calls them.
+HA2G_TABLES = {
+    "ha2g_table_1": {row: row for row in HA2G_BASELINES}
+    | {row: label for row, label in HA2G_LABELS.items() if row in ENSEMBLE["models"]}
+    | {model: model for model in OWN_MODELS},
+    "ha2g_table_3": {
+        "low_only": "Low-level audio only",
+        "mid_only": "Mid-level audio only",
+        "high_only": "High-level audio only",
+        "no_in_level_negatives": "Without negatives of other times and clips",
+        "no_cross_level_negatives": "Without negatives of low and mid level",
+        "no_text": "Without text",
+        "ha2g": "HA2G",
+    },
+    "ha2g_table_4": {
+        "holistic": "Holistic",
+        "no_hand_hierarchy": "Without hand hierarchy",
+        "no_body_hierarchy": "Without body hierarchy",
+        "same_audio": "Same audio for every level",
+        "no_physical": "Without physical loss",
+        "ha2g": "HA2G",
+    },
+}
+ENSEMBLE_FOLDER = f"<results>/{ENSEMBLE['name']}"
+
+
+def judged(*tables):
+    """The evaluation files behind some tables."""
+    rows = [row for table in tables for row in HA2G_TABLES[table] if row not in HA2G_BASELINES]
+    return [f"{ENSEMBLE_FOLDER}/judged/{row}.h5" for row in dict.fromkeys(["baselines", *rows])]
+
+
+def made_by(wildcards):
+    """Input function: all test clips by a row, of every seed; none for the baselines."""
+    if wildcards.judged == "baselines":
+        return []
+    if wildcards.judged in OWN_MODELS:
+        return ensemble_files(f"<results>/{{subject}}/synthesis/{wildcards.judged}/{{clip}}.h5", "test")
+    return shared_syntheses(wildcards.judged)
+
+
+rule train_ha2g_ruler:
+    input:
+        splits=ensemble_files("<results>/{subject}/split.h5"),
+        clips=ensemble_files("<results>/{subject}/clips/{clip}.h5"),
+    output:
+        network="<results>/{ensemble}/rulers/{ruler}.safetensors",
+        history="<results>/{ensemble}/rulers/{ruler}_history.h5",
+    log:
+        "<logs>/ha2g_ruler/{ensemble}-{ruler}.log",
+    benchmark:
+        "<benchmarks>/ha2g_ruler/{ensemble}-{ruler}.tsv"
+    wildcard_constraints:
+        ruler="|".join(RULERS),
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: BUDGET["threads"]
+    resources:
+        mem_mb=1500,
+        gpu=1,
+    params:
+        settings=BUDGET.get("ha2g_ruler", {}),
+        seed=config["seed"],
+        checkpoint=f"{config['results_dir']}/checkpoints/{{ensemble}}-ruler_{{ruler}}.pt",
+        code=library_code("ha2g_ruler.py"),
+    script:
+        "../scripts/ha2g_ruler.py"
+
+
+rule evaluate_ha2g:
+    input:
+        splits=ensemble_files("<results>/{subject}/split.h5"),
+        clips=ensemble_files("<results>/{subject}/clips/{clip}.h5"),
+        rulers=[f"<results>/{{ensemble}}/rulers/{ruler}.safetensors" for ruler in RULERS],
+        truth=ensemble_files("<results>/{subject}/synthesis/ground_truth/{clip}.h5", "test"),
+        audio=ensemble_files("<results>/{subject}/synthesis/ground_truth/{clip}.wav", "test"),
+        made=made_by,
+    output:
+        judged="<results>/{ensemble}/judged/{judged}.h5",
+    log:
+        "<logs>/evaluate_ha2g/{ensemble}-{judged}.log",
+    benchmark:
+        "<benchmarks>/evaluate_ha2g/{ensemble}-{judged}.tsv"
+    wildcard_constraints:
+        judged="|".join(["baselines", *SHARED_MODELS, *HA2G_ABLATIONS, *OWN_MODELS]),
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=1900,
+    params:
+        seed=config["seed"],
+        code=library_code("ha2g_evaluate.py"),
+    script:
+        "../scripts/ha2g_evaluate.py"
+
+
+rule ha2g_table:
+    input:
+        lambda w: judged(w.table),
+    output:
+        csv=report("<results>/tables/{table}.csv", caption="../report/ha2g.rst", category="Evaluation"),
+    log:
+        "<logs>/ha2g_table/{table}.log",
+    benchmark:
+        "<benchmarks>/ha2g_table/{table}.tsv"
+    wildcard_constraints:
+        table="|".join(HA2G_TABLES),
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        rows=lambda w: HA2G_TABLES[w.table],
+        code=library_code("ha2g_table.py"),
+    script:
+        "../scripts/ha2g_table.py"
+
+
+rule ha2g_metrics:
+    input:
+        judged("ha2g_table_1"),
+    output:
+        csv="<results>/{ensemble}/metrics.csv",
+    log:
+        "<logs>/ha2g_metrics/{ensemble}.log",
+    benchmark:
+        "<benchmarks>/ha2g_metrics/{ensemble}.tsv"
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        rows=HA2G_TABLES["ha2g_table_1"],
+        code=library_code("ha2g_table.py"),
+    script:
+        "../scripts/ha2g_table.py"
+
+
+# Target: Table 1, and all metrics of its rows.
+rule ha2g_table_1:
+    input:
+        "<results>/tables/ha2g_table_1.csv",
+        f"{ENSEMBLE_FOLDER}/metrics.csv",
+
+
+# Target: the ablations, Tables 3 and 4.
+rule ha2g_ablations:
+    input:
+        "<results>/tables/ha2g_table_3.csv",
+        "<results>/tables/ha2g_table_4.csv",

@@ -1,0 +1,19 @@
+"""Train one network of all speakers."""
+
+from pathlib import Path
+
+from job import job, snakemake
+
+with job():
+    from cospeech.gestures.ha2g.corpus import Corpus
+    from cospeech.gestures.ha2g.synthesis import train_shared
+
+    train_shared(
+        snakemake.params.model,
+        Corpus.read(snakemake.input.corpus),
+        snakemake.params.settings,
+        seed=int(snakemake.wildcards.seed),
+        folder=Path(snakemake.output.weights).parent,
+        checkpoint=snakemake.params.checkpoint,
+        threads=snakemake.threads,
+    )
