@@ -97,6 +97,8 @@ class Loader:
     """Makes mini-batches in a thread while the network learns from the ones before.
 
     draw(step) makes one from its number alone, so that neither the thread's pace nor an interruption changes anything.
+    ahead : how many are made before they are needed; with 0 each is made when it is taken, which is faster where the
+    network computes on every core: its threads wait for one another, and so for whoever else has a core.
     waited : seconds that `take` has waited so far, the part of a training that the data holds up.
     """
 
@@ -107,13 +109,16 @@ class Loader:
 
     def take(self, step):
         """What draw(step) returns."""
+        began = time.perf_counter()
+        taken = self._coming(step).result() if self.ahead else self.draw(step)
+        self.waited += time.perf_counter() - began
+        return taken
+
+    def _coming(self, step):
         for number in range(step, min(step + 1 + self.ahead, self.steps)):
             if number not in self.coming:
                 self.coming[number] = self.thread.submit(self.draw, number)
-        began = time.perf_counter()
-        taken = self.coming.pop(step).result()
-        self.waited += time.perf_counter() - began
-        return taken
+        return self.coming.pop(step)
 
     def close(self):
         """Drop what is not begun yet; called at the end, and when a training is interrupted."""

@@ -6,6 +6,7 @@ acts on whom is `losses.total_loss`'s business.
 
 import json
 import math
+import os
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -25,6 +26,7 @@ from cospeech.weights import save_weights
 
 AUGMENT = {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0, "occlude": 0.0, "blur": 0.0}
 STAGES = ("pretraining", "lifting", "training")
+AHEAD = 3  # mini-batches that are made while the network learns
 LIFTED = 256  # people in a mini-batch of the stage that looks at no images
 SHAPE = ("input", "blocks", "width", "free", "latent", "camera")  # fields of Design that a budget may change
 OPTIMIZERS = ("adadelta", "adam")
@@ -127,7 +129,7 @@ class PoseTask:
         self.total = self.ends[-1]
         self.curve = LearningCurve(test, people.part, self.design, settings.half) if test else None
         self.points = {(k + 1) * self.total // POINTS - 1 for k in range(POINTS)} if test else ()
-        self.loader = Loader(self.draw, self.total)
+        self.loader = Loader(self.draw, self.total, ahead=AHEAD if _spare_core() else 0)
         kept = {k: v for k, v in asdict(settings).items() if k not in (*SHAPE, "people", "threads")}
         self.description = {
             "model": "posenet", "part": people.part, "design": asdict(self.design), "settings": kept,
@@ -213,6 +215,11 @@ class PoseTask:
         maps = heatmap_targets(points, design.side, self.settings.sigma)
         pose = tensor(batch.joints3d / np.float32(1000 * design.unit))
         return Labels(points, tensor(batch.visible), maps, pose, tensor(batch.labelled3d), tensor(lengths))
+
+
+def _spare_core():
+    """Whether there is a core beside those that the network computes on."""
+    return device().type == "cuda" or torch.get_num_threads() < (os.cpu_count() or 1)
 
 
 def _float(output):
