@@ -18,6 +18,7 @@ from cospeech.gestures.ha2g.audio import FEATURES, SpectrogramEncoder
 from cospeech.gestures.ha2g.corpus import FRAMES, SEED_FRAMES
 from cospeech.gestures.ha2g.generator import Cascade, Level, inferred_levels
 from cospeech.gestures.ha2g.levels import level_table
+from cospeech.gestures.ha2g.style import LOOKS, FrameStyle
 from cospeech.weights import OnnxNetwork, export_onnx
 
 STYLE = 18
@@ -82,6 +83,16 @@ def speech(network, mel, seed, style, threads):
         return time.perf_counter() - began, exported
 
 
+def looking(width, batch, side=64, speakers=2):
+    """Processor seconds of looking at each speaker of a batch once, and at the frames of each of its windows."""
+    pictures = torch.randint(256, (speakers, 16, side, side, 3), dtype=torch.uint8)
+    style, weights = FrameStyle([of_one.numpy() for of_one in pictures], STYLE, width), torch.eye(speakers)
+    weights = weights[torch.arange(batch) % speakers]
+    frames = torch.rand(LOOKS * batch, 3, side, side) * 255
+    once = processor_seconds(lambda: train_step(style, weights))
+    return once, processor_seconds(lambda: train_step(style.encoder, frames))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--width", type=float, default=0.25)
@@ -104,6 +115,8 @@ def main():
 
     audio, mel = SpectrogramEncoder(arguments.blocks, arguments.width), torch.rand(batch, 128, 70) * -80
     print(f"audio encoder: {1e3 * processor_seconds(lambda: train_step(audio, mel)):.0f} ms")
+    once, each = looking(arguments.width, batch)
+    print(f"identity encoder: {1e3 * once:.0f} ms, for each window {1e3 * each:.0f} ms, ratio {each / once:.1f}")
     vectors = torch.randn(batch, FRAMES, table.vectors, 3, requires_grad=True)
     angles = processor_seconds(lambda: losses.included_angles(vectors, table).sum().backward())
     words, features = torch.randn(batch * FRAMES, FEATURES), torch.randn(3, batch * FRAMES, FEATURES).requires_grad_()

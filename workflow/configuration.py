@@ -65,6 +65,12 @@ class Subject:
         return sorted({take for part in parts for take, _, _ in self.split_of_equals.of(part)})
 
     @property
+    def filmed(self):
+        """Ids of the takes that have a film: all of a speaker on film, a virtual speaker's first few."""
+        films = self.source.get("film", {}).get("takes", 0)
+        return list(self.takes)[: None if self.source["kind"] == "video" else films]
+
+    @property
     def parts(self):
         """{take id: its part}, or None for a take that is cut in time."""
         found = {take: [part for part in PARTS if take in self.takes_of(part)] for take in self.takes}
@@ -221,8 +227,26 @@ def _check_ensemble(ensemble, subjects, fps, label):
     embeddings = ensemble.get("embeddings")
     if embeddings and not Path(embeddings).is_file():
         raise CospeechError(f"{where}.embeddings: {embeddings}: no such file")
+    _check_identity(ensemble, subjects, where)
     if fps != 15:
         raise CospeechError(f"{label}: fps: {fps:g}: HA2G's windows of 34 frames and 70 columns are for 15 fps")
+
+
+def _check_identity(ensemble, subjects, where):
+    """Where speakers are known by reference frames, all of them need a film of a training take."""
+    by_frames, imagenet = ensemble.get("identity") == "frames", ensemble.get("imagenet")
+    if imagenet and not by_frames:
+        raise CospeechError(f"{where}.imagenet: is for identity: frames alone; set that, or leave imagenet out")
+    if imagenet and not Path(imagenet).is_file():
+        raise CospeechError(f"{where}.imagenet: {imagenet}: no such file")
+    for name in ensemble["speakers"] if by_frames else ():
+        subject = subjects[name]
+        if not set(subject.filmed) & set(subject.takes_of("train")):
+            lacks = "no filmed take in the training part" if subject.filmed else "no film"
+            raise CospeechError(
+                f"{where}.identity: frames: speaker {name!r} (kind: {subject.source['kind']}) has {lacks}; give one, "
+                f"leave {name!r} out of speakers, or set identity: speaker"
+            )
 
 
 def _locate(entry, folder, where):

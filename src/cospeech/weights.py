@@ -42,6 +42,28 @@ def load_weights(path):
     return arrays, json.loads(header)
 
 
+def read_tensors(path):
+    """{name: torch tensor} of a state_dict that others wrote: .safetensors, or .pth, of which only tensors are read.
+
+    Raises CospeechError for a file that is neither.
+    """
+    from pickle import UnpicklingError  # what torch raises, reading tensors alone, when there is more in the file
+
+    import torch
+    from safetensors import SafetensorError
+    from safetensors.torch import load_file
+
+    try:
+        found = load_file(path) if str(path).endswith(".safetensors") else torch.load(path, "cpu", weights_only=True)
+    except OSError as error:
+        raise CospeechError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (SafetensorError, UnpicklingError, RuntimeError, EOFError) as error:
+        raise CospeechError(f"{path}: not a readable .safetensors or .pth file of tensors") from error
+    if not isinstance(found, dict):
+        raise CospeechError(f"{path}: holds a {type(found).__name__}, expected a state_dict of tensors by name")
+    return found
+
+
 def export_onnx(module, path, inputs, outputs, description, *, sequences=True):
     """Write a torch module as one ONNX file and check it against torch.
 

@@ -107,6 +107,18 @@ def test_discriminator_joins_after_its_warm_up_and_stays_even(trained):
     assert {"huber", "divergence", "diverging", "contrastive", "physical"} <= losses.keys()
 
 
+@pytest.mark.parametrize("model", ["ha2g", "trimodal"])
+def test_only_a_discriminator_of_mixed_batches_sees_that_motion_is_too_small(model, corpus):
+    """Alone in its batch, a third of the motion is to batch norm what the whole of it is."""
+    apart = {}
+    for mixed in (False, True):
+        task = ha2g_task(model, corpus, SMALL[model] | {"steps": 1, "dropout": 0.0, "mixed": mixed}, 0)
+        real = torch.from_numpy(corpus.windows(slice(None), ("poses",))["poses"])
+        scores, of_less = task.scores(real, real / 3)
+        apart[mixed] = ((scores - of_less).abs().mean() / scores.std()).item()
+    assert apart[False] < 0.05 < 0.2 < apart[True]
+
+
 def test_speakers_are_mixed_by_weight(trained):
     windows = trained.corpus.windows(np.arange(1))
     weights = [torch.tensor([w]) for w in ([1.0, 0.0], [0.5, 0.5], [0.0, 1.0])]

@@ -43,12 +43,38 @@ def test_the_ensemble_file_is_accepted_and_every_key_commented():
         ({"models": ["ha2f"]}, "'ha2f' is not one of ha2g, trimodal"),
         ({"seeds": []}, "ensemble.seeds: the list is empty"),
         ({"levles": "ted10"}, "unknown key 'levles'; did you mean 'levels'"),
+        ({"identity": "face"}, "'face' is not one of speaker, frames"),
+        ({"imagenet": "resnet18.pth"}, "ensemble.imagenet: is for identity: frames alone"),
+        ({"identity": "frames", "imagenet": "nowhere.pth"}, "ensemble.imagenet: nowhere.pth: no such file"),
     ],
 )
 def test_a_mistake_is_one_line(changes, line):
     with pytest.raises(CospeechError, match=re.escape(line)) as error:
         read_configuration(merged(**changes), "my.yaml", ROOT)
     assert str(error.value).startswith("my.yaml: ") and "\n" not in str(error.value)
+
+
+SPEAKER_WITHOUT_FILM = {
+    "no film": {"kind": "demo", "speaker": "calm", "minutes": 1, "takes": 4},
+    "no filmed take in the training part": {"kind": "demo", "speaker": "calm", "minutes": 1, "takes": 8}
+    | {"film": {"domain": "studio", "takes": 2}},
+}
+
+
+@pytest.mark.parametrize("lacks", SPEAKER_WITHOUT_FILM)
+def test_who_has_no_film_is_named_with_the_remedy(lacks, tmp_path):
+    """Known by frames all speakers must be; known by number none needs a film."""
+    content = {"name": "ada", "source": SPEAKER_WITHOUT_FILM[lacks], "split": {"train": 0.25, "val": 0, "test": 0.75}}
+    (tmp_path / "ada.yaml").write_text(yaml.safe_dump(content))
+    config = merged(speakers=["calm", "ada"]) | {"subjects": ["calm", str(tmp_path / "ada.yaml")], "seed": 6}
+    read_configuration(config, "my.yaml", ROOT)
+    config["ensemble"]["identity"] = "frames"
+    with pytest.raises(CospeechError) as error:
+        read_configuration(config, "my.yaml", ROOT)
+    assert str(error.value) == (
+        f"my.yaml: ensemble.identity: frames: speaker 'ada' (kind: demo) has {lacks}; give one, leave 'ada' out of "
+        "speakers, or set identity: speaker"
+    )
 
 
 def test_other_frame_rates_are_refused():
@@ -91,3 +117,31 @@ def test_training_opens_no_take_of_another_part_and_no_speaker_who_is_held_out(s
     assert not set(subjects["lively"].takes_of("test")) & set(subjects["lively"].takes_of("train"))
     counts = dict(re.findall(r"^(\w+) +(\d+)$", done.stdout, re.MULTILINE))
     assert counts["train_shared"] == counts["synthesize_shared"] == "5"
+    assert "reference_frames" not in done.stdout and "export_identity" not in done.stdout
+
+
+def test_reference_frames_are_of_training_takes_and_strangers_are_only_looked_at(snakemake, tmp_path):  # noqa: F811
+    """Who is held out shows the finished networks a film, of takes that nothing is tested on; none is learned from."""
+    own = tmp_path / "own.yaml"
+    ensemble = merged(held_out=["lively"], identity="frames", models=["ha2g", "trimodal"], seeds=[0, 1])["ensemble"]
+    own.write_text(yaml.safe_dump({"ensemble": ensemble}))
+    arguments = ("--configfile", str(own), "--dry-run", "--cores", "2", "--forceall", "--nolock")
+    done = snakemake(ROOT, *arguments)
+    assert done.returncode == 0, done.stdout
+    inputs = lambda rule: [  # noqa: E731
+        set(line.split(", ")) for line in re.findall(rf"^rule {rule}:\n    input: (.*)$", done.stdout, re.MULTILINE)
+    ]
+    subjects, _ = read_configuration(merged(), "x", ROOT)
+    for files in inputs("take_reference_frames"):
+        (split,) = (file for file in files if file.endswith("split.h5"))
+        name = split.split("/")[1]
+        trained = [take for take in subjects[name].takes_of("train") if take in subjects[name].filmed]
+        films = {f"results/{name}_on_film/media/{take}.mp4" for take in trained}
+        assert trained and files == {split, *films, *(f"results/{name}_on_film/tracks/{take}.h5" for take in trained)}
+    (corpus,) = inputs("collect_corpus")
+    frames = {name: f"results/{name}/reference_frames.h5" for name in ("calm", "lively")}
+    assert frames["calm"] in corpus and not any("lively" in file for file in corpus)
+    shown = [file for file in inputs("synthesize_shared") if frames["lively"] in file]
+    assert sorted(file for files in shown for file in files if "identity" in file) == [
+        f"results/everyone/models/ha2g_{seed}/identity.onnx" for seed in (0, 1)
+    ]

@@ -10,6 +10,7 @@ with job():
     from cospeech.errors import CospeechError
     from cospeech.gestures.ha2g.collect import Take, collect
     from cospeech.gestures.ha2g.filters import Filters
+    from cospeech.gestures.ha2g.references import ReferenceFrames
     from cospeech.settings import settings_of
     from cospeech.speech import load_audio
     from cospeech.speech.mfcc import RATE
@@ -24,11 +25,13 @@ with job():
             if not clip.audio or not sound.is_file():
                 raise CospeechError(f"{folder / clip.clip}.h5: its sound {clip.audio!r} is missing; give it one")
             takes[speaker].append(Take(clip, load_audio(sound, RATE, start, start + clip.duration)[0]))
+    references = {Path(path).parent.name: ReferenceFrames.read(path).pictures for path in snakemake.input.frames}
     corpus = collect(
         takes,
         ensemble["levels"],
         filters=settings_of(Filters(), ensemble["filters"], "ensemble.filters"),
         embeddings=ensemble["embeddings"] or None,
+        references=references,
         seed=snakemake.params.seed,
     )
     corpus.write(snakemake.output.corpus)

@@ -1,4 +1,4 @@
-"""What one network makes of every speaker's test clips, each in the speaker's own style."""
+"""What one network makes of every speaker's test clips, each in the speaker's own style as far as it can know it."""
 
 import os
 from pathlib import Path
@@ -13,6 +13,8 @@ with job():
     from cospeech.synthesis import synthesize
 
     generator = SharedGenerator(snakemake.input.network, snakemake.threads)
+    styles = {Path(path).parent.name: str(path) for path in snakemake.input.get("frames", [])}
+    styles |= {speaker: speaker for speaker in generator.speakers}
     model = f"{snakemake.wildcards.shared}_{snakemake.wildcards.seed}"
     for truth, audio, out in zip(snakemake.input.clips, snakemake.input.audio, snakemake.output, strict=True):
         truth, (samples, rate) = Clip.read(truth), load_audio(audio)
@@ -29,6 +31,6 @@ with job():
             audio=os.path.relpath(audio, Path(out).parent),
             source=Path(audio).name,
             source_sha256=sha256(audio),
-            style=truth.subject if truth.subject in generator.speakers else "random",
+            style=styles.get(truth.subject, "random"),
         )
         clip.write(out)

@@ -14,6 +14,7 @@ with job():
         snakemake.params.settings,
         seed=int(snakemake.wildcards.seed),
         folder=Path(snakemake.output.weights).parent,
+        imagenet=snakemake.input.get("imagenet") or None,
         checkpoint=snakemake.params.checkpoint,
         threads=snakemake.threads,
     )

@@ -46,7 +46,7 @@ def add(commands):
         "if given, and exit")  # fmt: skip
     option("--explain", action="store_true", help="knn, resync: tell where every window of 8 frames is from, and why")
     option("--style", metavar="SPEAKERS", help="ha2g and others of many speakers, whose ensemble is the --subject: "
-        "in whose manner, calm or calm=0.7,lively=0.3 or random (default: everyone's)")  # fmt: skip
+        "calm or calm=0.7,lively=0.3 or a file of reference frames or random (default: everyone's manner)")  # fmt: skip
     option("--smoothing", type=float, metavar="FRAMES", help="sigma of the Gaussian over time (default: as published)")
     option("--threads", type=int, help="CPU threads for the networks (default: all)")
     generate.set_defaults(run=_run)

@@ -18,6 +18,7 @@ from cospeech.errors import CospeechError, notice
 from cospeech.posenet import EVALUATED, JOINTS21
 from cospeech.posenet.camera import weak_perspective
 from cospeech.posenet.datasets.parts import PARTS
+from cospeech.weights import read_tensors
 
 STRIDE = 16  # s in thesis 3.3.4: image pixels per heatmap pixel, along one side
 EXPANSION = 4  # a bottleneck's output channels over its width
@@ -243,7 +244,7 @@ def load_imagenet(network, path):
         return notice("pose network: no ImageNet weights were named, the backbone is trained from scratch")
     wanted = network.backbone.state_dict()
     wanted = {name: tensor for name, tensor in wanted.items() if not name.startswith("res5a.")}
-    found = _read_tensors(path)
+    found = read_tensors(path)
     missing = [name for name in wanted if name not in found and not name.endswith("num_batches_tracked")]
     if missing:
         raise CospeechError(f"{path}: has no {missing[0]!r}; expected resnet50's weights in torchvision's layout")
@@ -252,20 +253,3 @@ def load_imagenet(network, path):
             shapes = f"{tuple(found[name].shape)}, this network's {tuple(tensor.shape)}"
             raise CospeechError(f"{path}: {name} is {shapes}; ImageNet weights fit only width 64 and blocks (3, 4, 6)")
     network.backbone.load_state_dict({name: found[name] for name in wanted if name in found}, strict=False)
-
-
-def _read_tensors(path):
-    from pickle import UnpicklingError  # what torch raises, reading tensors alone, when there is more in the file
-
-    from safetensors import SafetensorError
-    from safetensors.torch import load_file
-
-    try:
-        found = load_file(path) if str(path).endswith(".safetensors") else torch.load(path, "cpu", weights_only=True)
-    except OSError as error:
-        raise CospeechError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (SafetensorError, UnpicklingError, RuntimeError, EOFError) as error:
-        raise CospeechError(f"{path}: not a readable .safetensors or .pth file of tensors") from error
-    if not isinstance(found, dict):
-        raise CospeechError(f"{path}: holds a {type(found).__name__}, expected a state_dict of tensors by name")
-    return found

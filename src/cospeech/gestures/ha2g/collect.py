@@ -27,13 +27,14 @@ class Take:
         return f"{self.clip.subject}/{self.clip.clip}"
 
 
-def collect(takes, levels="expressive43", *, filters=None, embeddings=None, least=1, seed=0):
+def collect(takes, levels="expressive43", *, filters=None, embeddings=None, references=None, least=1, seed=0):
     """The `Corpus` of {speaker: [Take]}, all of the training part.
 
     Parameters
     ----------
     levels : name of the level table. filters : `Filters`, the released ones if None.
     embeddings : path of word vectors (see `embeddings`), or None: the networks then learn them from scratch.
+    references : {speaker: (K, side, side, 3) uint8 pictures} for networks that know speakers by their looks, or None.
     least : occurrences that a word needs to have a number. seed : of word vectors that the file lacks.
 
     Raises CospeechError when nothing is left to learn from; what the filters dropped is told, and in `Corpus.counts`.
@@ -46,6 +47,7 @@ def collect(takes, levels="expressive43", *, filters=None, embeddings=None, leas
             raise CospeechError(f"{speaker}: no training take of {filters.frames / FPS:g} s or more; give longer takes")
     if len(kept) == 1:
         notice(f"{next(iter(kept))} is the only speaker, so the networks learn one style and have none to choose from")
+    _check_references(references, kept)
     listed = [take for of_one in kept.values() for take in of_one]
     vocabulary = _vocabulary(listed, embeddings, least, seed)
     parts = [_arrays(take, table, vocabulary) for take in listed]
@@ -57,6 +59,7 @@ def collect(takes, levels="expressive43", *, filters=None, embeddings=None, leas
         {speaker: measure_figure(of_one, table) for speaker, of_one in clips.items()},
         _table_of_takes(kept, listed, parts), np.zeros(0, np.int64), np.zeros(0, np.int64),
         {name: np.concatenate([part[name] for part in parts]) for name in names}, counts,
+        references={name: references[name] for name in kept} if references else {},
     )  # fmt: skip
     corpus.window_take, corpus.window_frame = _windows(listed, parts, table, filters, counts)
     _report(counts, filters)
@@ -73,6 +76,19 @@ def _usable(take, table, filters, counts):
     reason = filters.refuse_take(clip, table)
     counts[reason or "takes"] += 1
     return reason is None
+
+
+def _check_references(references, speakers):
+    """Either no speaker has reference frames or every one, all of one size."""
+    missing = [name for name in speakers if references and not len(references.get(name, ()))]
+    if missing:
+        raise CospeechError(
+            f"{missing[0]}: has no reference frames, which other speakers are known by; film {missing[0]} too, leave "
+            f"{missing[0]} out, or set ensemble.identity: speaker"
+        )
+    sizes = {pictures.shape[1:] for pictures in (references or {}).values()}
+    if len(sizes) > 1:
+        raise CospeechError(f"reference frames of several sizes, {sorted(size[0] for size in sizes)}; make them again")
 
 
 def _vocabulary(takes, embeddings, least, seed):

@@ -43,6 +43,7 @@ class Corpus:
     arrays : {name: array}: vectors (F, V, 3) f4, words (F,), mel (C, 128) f4, s2g_mel (C', 64) f4, wave (S,) i2. Those
         that are missing are read from `path` when first asked for.
     counts : {what: number} of takes and windows that were kept and dropped, see `filters`.
+    references : {speaker: (K, side, side, 3) uint8 pictures}, or empty: the speakers are known by name alone.
     """
 
     levels: object
@@ -57,6 +58,7 @@ class Corpus:
     arrays: dict
     counts: dict = field(default_factory=dict)
     path: object = None
+    references: dict = field(default_factory=dict)
 
     def __len__(self):
         return len(self.window_take)
@@ -130,6 +132,7 @@ class Corpus:
         parts = [self._array("vectors"), self._array("words"), self._array("mel"), self.window_take, self.window_frame]
         if self.vocabulary.vectors is not None:
             parts.append(self.vocabulary.vectors)
+        parts += [self.references[name] for name in self.speakers if self.references]
         digest = sha256()
         for part in parts:
             digest.update(np.ascontiguousarray(part))
@@ -148,6 +151,8 @@ class Corpus:
             for name, figure in self.figures.items():
                 for part, value in vars(figure).items():
                     put(file, f"figures/{name}/{part}", value)
+            for name, pictures in self.references.items():
+                put(file, f"references/{name}", pictures)
             put_strings(file, "takes/name", self.takes["name"])
             for name in ("speaker", *dict.fromkeys(CLOCKS.values())):
                 put(file, f"takes/{name}", self.takes[name])
@@ -168,10 +173,11 @@ class Corpus:
                 for name, group in file["figures"].items()
             }
             takes = {"name": text("takes/name")} | {k: v[()] for k, v in file["takes"].items() if k != "name"}
+            references = {name: pictures[()] for name, pictures in file.get("references", {}).items()}
             return cls(
                 level_table(file.attrs["levels"]), text("speakers"), vocabulary,
                 file["mean"][()], file["lengths"][()], figures, takes, file["windows/take"][()],
-                file["windows/frame"][()], {}, json.loads(file.attrs["counts"]), path,
+                file["windows/frame"][()], {}, json.loads(file.attrs["counts"]), path, references,
             )  # fmt: skip
 
 

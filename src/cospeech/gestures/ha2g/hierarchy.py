@@ -15,7 +15,7 @@ from cospeech.gestures.ha2g.audio import FEATURES, LEVELS, SpectrogramEncoder
 from cospeech.gestures.ha2g.corpus import FRAMES
 from cospeech.gestures.ha2g.discriminator import Discriminator
 from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
-from cospeech.gestures.ha2g.style import SpeakerStyle, StyleCoordinator, blend, draw
+from cospeech.gestures.ha2g.style import StyleCoordinator, blend, draw, style_of_speakers
 from cospeech.gestures.ha2g.task import AdversarialTask
 from cospeech.gestures.ha2g.text import TextEncoder
 from cospeech.settings import settings_of
@@ -29,6 +29,7 @@ class Settings:
     Sizes: width, a factor on all channels; blocks of ResNetSE34's stages; layers of each GRU and of the text encoder.
     warm_up: share of the training before the discriminator joins (10 epochs). discriminator_rate: its learning rate
     over the generator's. r1: weight of its gradient penalty, a guard against divergence that is not published.
+    mixed: whether it is given real and made poses in one batch, which is not published either (see `AdversarialTask`).
     style: size of a style vector. style_input: whether the generators hear it (the released code's do; eq. 4 of the
     paper prints poses and audio alone). coordinator: "linear" or "mlp". reblend: whether the random styles of the
     style diverging loss blend the audio themselves (the released code forgets it, so that the coordinator learns
@@ -50,6 +51,7 @@ class Settings:
     betas: tuple = (0.5, 0.999)
     warm_up: float = 0.1
     r1: float = 0.0
+    mixed: bool = False
     width: float = 1.0
     blocks: tuple = (3, 4, 6, 3)
     layers: int = 4
@@ -106,10 +108,9 @@ class HA2G(nn.Module):
         self.inputs = ("mel", "seed", "speaker", "style", *(["words"] if s.text_input else []))
         self.style_input = s.style_input
         self.audio = SpectrogramEncoder(s.blocks, s.width)
-        self.style = SpeakerStyle(len(corpus.speakers), s.style)
-        self.coordinator = StyleCoordinator(
-            s.coordinator, len(corpus.speakers), s.style, len(levels), s.audio_levels, s.same_audio
-        )
+        self.style = style_of_speakers(corpus, s.style, s.width)
+        named = 0 if corpus.references else len(corpus.speakers)
+        self.coordinator = StyleCoordinator(s.coordinator, named, s.style, len(levels), s.audio_levels, s.same_audio)
         encoders = 1 + len(levels) * (s.text_input and s.text_copies) if s.text else 0
         self.texts = nn.ModuleList(
             TextEncoder(corpus.vocabulary, s.width, s.layers, s.text_centred, s.dropout) for _ in range(encoders)
@@ -172,6 +173,12 @@ class HA2GTask(AdversarialTask):
         tensor = lambda array: torch.as_tensor(array, dtype=torch.float32, device=device())  # noqa: E731
         self.mean = tensor(corpus.mean)
         self.angles = [tensor(array) for array in corpus.angle_statistics()]
+
+    @property
+    def description(self):
+        """What whoever generates has to know; `picture` is the side of the reference frames, where there are some."""
+        pictures = next(iter(self.corpus.references.values()), None)
+        return super().description | ({} if pictures is None else {"picture": pictures.shape[1]})
 
     def reconstruct(self, batch):
         network, weights = self.generator, self.settings.weights

@@ -26,7 +26,7 @@ class Settings:
     """Of one training; 300 x 300 iterations, sizes and rates as published.
 
     weights: those of the port to bone vectors that Trimodal and HA2G compare with; published are 1 and 1, for poses in
-    units of their deviation. warm_up, r1: as in `hierarchy.Settings`.
+    units of their deviation. warm_up, r1, mixed: as in `hierarchy.Settings`.
     """
 
     epochs: float = 300.0
@@ -37,6 +37,7 @@ class Settings:
     betas: tuple = (0.9, 0.999)
     warm_up: float = 0.0
     r1: float = 0.0
+    mixed: bool = False
     width: float = 1.0
     weights: dict = field(default_factory=lambda: {"distance": 100.0, "adversarial": 10.0})
 

@@ -1,13 +1,17 @@
 """Who speaks: a distribution of style vectors for every speaker, and how each blends the levels of audio (eq. 3).
 
 A speaker is given by weights (N, S) over the speakers of the training: one of them, a mixture by name and weight, or
-none at all (zeros), to which a style vector drawn from a normal distribution is added.
+none at all (zeros), to which a style vector drawn from a normal distribution is added. What tells the speakers apart is
+an embedding of each (as released), or what they look like (as published).
 """
 
 import torch
 from torch import nn
 
 from cospeech.gestures.ha2g.audio import LEVELS
+from cospeech.gestures.ha2g.identity import IdentityEncoder
+
+LOOKS = 4  # reference frames of a speaker that are looked at in an iteration: as many as a window's seed poses
 
 
 class SpeakerStyle(nn.Module):
@@ -26,6 +30,47 @@ class SpeakerStyle(nn.Module):
         return self.mean(x) * weights.sum(1, keepdim=True), self.log_variance(x)
 
 
+class FrameStyle(nn.Module):
+    """`SpeakerStyle` by looks: speaker weights (N, S) -> mean and log variance of the style vector, (N, size) each.
+
+    While it is trained, it looks at a few random frames of each speaker that has a weight. From `eval()` on a speaker
+    is the mean over all their frames; that is kept with the weights, the pictures are not.
+    references : of S speakers, (K, side, side, 3) uint8 each. width : factor on the encoder's channels.
+    """
+
+    def __init__(self, references, size, width=1.0):
+        super().__init__()
+        self.encoder = IdentityEncoder(references[0].shape[1], size, width)
+        self.pictures = [torch.from_numpy(pictures).permute(0, 3, 1, 2) for pictures in references]  # no buffers
+        self.register_buffer("means", torch.zeros(len(references), size))
+        self.register_buffer("log_variances", torch.zeros(len(references), size))
+
+    def forward(self, weights):
+        if not self.training:
+            return weights @ self.means, weights @ self.log_variances
+        asked = weights.any(0).nonzero()[:, 0]
+        drawn = [self.pictures[i][torch.randint(len(self.pictures[i]), (LOOKS,))] for i in asked.tolist()]
+        looks = self.encoder(torch.cat(drawn).to(weights))
+        mean, log_variance = (of_frames.unflatten(0, (-1, LOOKS)).mean(1) for of_frames in looks)
+        return weights[:, asked] @ mean, weights[:, asked] @ log_variance
+
+    def train(self, mode=True):
+        super().train(mode)
+        if not mode:
+            with torch.no_grad():
+                for speaker, pictures in enumerate(self.pictures):
+                    looks = self.encoder(pictures.to(self.means))
+                    self.means[speaker], self.log_variances[speaker] = (of_frames.mean(0) for of_frames in looks)
+        return self
+
+
+def style_of_speakers(corpus, size, width):
+    """What tells the speakers of a `Corpus` apart: their reference frames if it has them, else an embedding of each."""
+    if corpus.references:
+        return FrameStyle([corpus.references[name] for name in corpus.speakers], size, width)
+    return SpeakerStyle(len(corpus.speakers), size)
+
+
 def draw(mean, log_variance):
     """A style vector from its distribution, differentiable in both."""
     return mean + torch.exp(log_variance / 2) * torch.randn_like(mean)
@@ -36,6 +81,7 @@ class StyleCoordinator(nn.Module):
 
     form : "linear", the paper's FC(18, 18) on the style vector (for six levels); "mlp", the released code's, which has
         an embedding of the speakers to itself: 16, 16, 32, 3 x levels with ELU.
+    speakers : how many have an embedding; 0 for none, where looks tell them apart: "mlp" then hears the style vector.
     audio_levels : those of `LEVELS` that may have a share (Table 3); same : one blend for all levels (Table 4).
     """
 
@@ -45,9 +91,9 @@ class StyleCoordinator(nn.Module):
         count = len(LEVELS) * self.columns
         self.embedding = None
         if form == "mlp":
-            self.embedding = nn.Embedding(speakers, 16)
+            self.embedding = nn.Embedding(speakers, 16) if speakers else None
             self.body = nn.Sequential(
-                nn.Linear(16, 16), nn.ELU(), nn.Linear(16, 32), nn.ELU(), nn.Linear(32, count)
+                nn.Linear(16 if speakers else size, 16), nn.ELU(), nn.Linear(16, 32), nn.ELU(), nn.Linear(32, count)
             )  # fmt: skip
         else:
             self.body = nn.Linear(size, count)

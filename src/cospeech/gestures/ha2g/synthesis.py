@@ -13,6 +13,7 @@ from cospeech.errors import CospeechError, notice
 from cospeech.gestures.ha2g.bones import Figure, motion_from_vectors
 from cospeech.gestures.ha2g.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
 from cospeech.gestures.ha2g.levels import level_table
+from cospeech.gestures.ha2g.references import SUFFIX, ReferenceFrames
 from cospeech.gestures.ha2g.vocabulary import Vocabulary
 from cospeech.speech.mel import COLUMNS, HOP, S2G_COLUMNS, S2G_HOP, column_at, log_mel, log_mel_s2g
 from cospeech.speech.mfcc import RATE
@@ -23,11 +24,12 @@ STARTS = 64  # beginnings of training windows that a model keeps to start from
 RANDOM = "random"  # the style that is drawn
 
 
-def train_shared(model, corpus, settings, *, seed, folder, checkpoint=None, threads=None):
+def train_shared(model, corpus, settings, *, seed, folder, imagenet=None, checkpoint=None, threads=None):
     """Train one of `models.MODELS` on a `Corpus` and write weights.safetensors, model.onnx and history.h5 to `folder`.
 
-    settings : dict, the budget's section; missing keys have the published values. checkpoint : path for resuming,
-    outside `folder`. threads : int, CPU threads of torch.
+    settings : dict, the budget's section; missing keys have the published values. imagenet : path of weights for HA2G's
+    identity encoder, see `identity.load_imagenet`; used if the corpus has reference frames. checkpoint : path for
+    resuming, outside `folder`. threads : int, CPU threads of torch.
     """
     import json
     from hashlib import sha256
@@ -41,10 +43,15 @@ def train_shared(model, corpus, settings, *, seed, folder, checkpoint=None, thre
     if threads:
         torch.set_num_threads(threads)
     task = ha2g_task(model, corpus, settings, seed)
+    if "picture" in task.description:
+        from cospeech.gestures.ha2g.identity import load_imagenet
+
+        load_imagenet(task.generator.style.encoder, imagenet)
     description = task.description | {
         "starts": _starts(corpus, seed), "figures": {name: f.lists() for name, f in corpus.figures.items()}
     }  # fmt: skip
-    identity = sha256((json.dumps(description, sort_keys=True) + corpus.digest()).encode()).hexdigest()
+    told = json.dumps(description, sort_keys=True) + corpus.digest() + str(imagenet or "")
+    identity = sha256(told.encode()).hexdigest()
     history = train(
         task, task.settings.steps, seed=seed, checkpoint=checkpoint, identity=identity,
         label=f"{'+'.join(corpus.speakers[:3])} {model}",
@@ -74,9 +81,11 @@ class SharedGenerator:
     """A network of `models`: speech of any length in, motion out, in the style of any speaker.
 
     network : path of its ONNX file, or what is called like an `OnnxNetwork` and has a `description`.
+    identity : the same of its identity encoder; by default identity.onnx beside the network's file, when it is asked.
     """
 
-    def __init__(self, network, threads=None):
+    def __init__(self, network, threads=None, identity=None):
+        self.identity = identity or (None if callable(network) else Path(network).with_name("identity.onnx"))
         self.network = network if callable(network) else OnnxNetwork(network, threads)
         self.description = about = self.network.description
         self.table = level_table(about["levels"])
@@ -98,34 +107,63 @@ class SharedGenerator:
         samples : (N,) float32 mono at `rate` Hz. frames : how many, or round(duration * 15).
         words : `Words` of the speech, for networks that hear them; None leaves them unheard.
         style : {speaker: weight}, "calm", "calm=0.7,lively=0.3", or "random" for a style vector drawn from the normal
-            distribution; None is every speaker's by the same weight.
+            distribution; None is every speaker's by the same weight. A speaker may be a file of reference frames
+            (.h5), of whomever, if the network knows speakers by their looks.
         initial : the poses before the first frame, "random" from the training part or "mean". seed : of what is drawn.
 
-        Returns `Motion` of `frames` frames; its bones are those of the style's speakers, mixed by weight.
+        Returns `Motion` of `frames` frames; its bones are those of the style's speakers, mixed by weight (of all, where
+        the style has none of them).
         """
         frames = round(len(samples) / rate * FPS) if frames is None else frames
-        weights, rng = self.weights_of(style), np.random.default_rng(seed)
+        (weights, strangers), rng = self.weights_of(style), np.random.default_rng(seed)
         given = {"seed": self._initial(initial, weights, rng)[None], "speaker": weights[None].astype(np.float32)}
         if "style" in self.inputs:
-            vector = rng.standard_normal(self.inputs["style"]) if style == RANDOM else np.zeros(self.inputs["style"])
+            vector = rng.standard_normal(self.inputs["style"]) if style == RANDOM else self._style_of(strangers)
             given["style"] = vector[None].astype(np.float32)
         heard = self._heard(samples, rate, frames, words)
         poses = self._units(heard, given, unit_starts(frames))[:frames]
         vectors = (poses + self.mean).reshape(len(poses), -1, 3)
         shares = weights if weights.any() else np.full(len(weights), 1 / len(weights))
+        shares = shares / shares.sum() if strangers else shares
         figure = Figure.mixed([self.figures[name] for name in self.speakers], shares)
         return motion_from_vectors(vectors, self.table, figure)
 
     def weights_of(self, style):
-        """A style as weights over the speakers, (S,), which sum to one, or to zero for "random"."""
+        """A style as weights over the speakers, (S,), and {file of reference frames: weight}.
+
+        All together sum to one, or to zero for "random".
+        """
         if style == RANDOM:
-            return np.zeros(len(self.speakers))
+            return np.zeros(len(self.speakers)), {}
         weights = parse_style(style) if isinstance(style, str) else style or dict.fromkeys(self.speakers, 1.0)
-        for name in weights:
-            if name not in self.speakers:
+        strangers = {name: weight for name, weight in weights.items() if name not in self.speakers}
+        for name in strangers:
+            if Path(name).suffix != SUFFIX:
                 raise CospeechError(f"style: no speaker {name!r}; known: {', '.join(self.speakers)}, or {RANDOM}")
+            self._check_looks(name)
         given = np.array([weights.get(name, 0.0) for name in self.speakers])
-        return given / given.sum()
+        total = given.sum() + sum(strangers.values())
+        return given / total, {name: weight / total for name, weight in strangers.items()}
+
+    def _check_looks(self, name):
+        if "picture" not in self.description:
+            raise CospeechError(
+                f"style: {name}: {self.description['model']} knows its speakers ({', '.join(self.speakers)}) by name, "
+                "not by reference frames; train ha2g with ensemble.identity: frames"
+            )
+
+    def look(self, path):
+        """The mean style vector (Z,) of whoever a file of reference frames shows."""
+        pictures, side = ReferenceFrames.read(path).pictures, self.description["picture"]
+        if pictures.shape[1] != side:
+            raise CospeechError(f"{path}: {pictures.shape[1]} pixels wide, the network knows pictures of {side}")
+        if not callable(self.identity):
+            self.identity = OnnxNetwork(self.identity)
+        return self.identity(pictures=pictures.transpose(0, 3, 1, 2))[0].mean(axis=0)
+
+    def _style_of(self, strangers):
+        """What is added to the style of the known speakers (Z,): that of the others, by weight."""
+        return sum((weight * self.look(path) for path, weight in strangers.items()), np.zeros(self.inputs["style"]))
 
     def _initial(self, initial, weights, rng):
         """(4, 3V) poses before the first frame, of one of the style's speakers."""

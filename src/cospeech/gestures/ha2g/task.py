@@ -84,6 +84,8 @@ class WindowTask:
 class AdversarialTask(WindowTask):
     """A training with a discriminator, which joins after the share `warm_up` of it.
 
+    With `mixed`, the discriminator is given real and made poses in one batch. Given one after the other, as published,
+    its batch norm brings both to the same mean and deviation, so that it cannot tell motion that is too small.
     `reconstruct(batch)` returns what the discriminator shall judge, (N, T, C), and the other loss terms, unweighted.
     """
 
@@ -98,18 +100,25 @@ class AdversarialTask(WindowTask):
         losses = {}
         if settings.weights["adversarial"] and step >= settings.warm_up * settings.steps:
             losses["discriminator"] = self._update_discriminator(batch["poses"], poses.detach())
-            terms["adversarial"] = self.fool(self.modules["discriminator"](poses))
+            terms["adversarial"] = self.fool(self.scores(batch["poses"] if settings.mixed else None, poses)[1])
         weighted = {name: settings.weights[name] * term for name, term in terms.items()}
         descend(self, "generator", sum(weighted.values()))
         return losses | {name: term.detach() for name, term in weighted.items()}
 
+    def scores(self, real, made):
+        """What the discriminator says to real (or None: it is not asked) and to made poses (N, T, C)."""
+        discriminator = self.modules["discriminator"]
+        if self.settings.mixed:
+            return discriminator(torch.cat([real, made])).chunk(2)
+        return None if real is None else discriminator(real), discriminator(made)
+
     def _update_discriminator(self, real, made):
         """One step; `r1` penalises the gradient at real poses (Mescheder et al. 2018), which cuDNN cannot do."""
-        discriminator, r1 = self.modules["discriminator"], self.settings.r1
+        r1 = self.settings.r1
         real = real.clone().requires_grad_(r1 > 0)
         with torch.backends.cudnn.flags(enabled=not r1):
-            scores = discriminator(real)
-            loss = total = self.judge(scores, discriminator(made))
+            scores, of_made = self.scores(real, made)
+            loss = total = self.judge(scores, of_made)
             if r1:
                 (gradient,) = torch.autograd.grad(scores.sum(), real, create_graph=True)
                 total = loss + r1 / 2 * gradient.square().sum((1, 2)).mean()

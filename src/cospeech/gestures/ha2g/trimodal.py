@@ -31,6 +31,7 @@ class Settings:
     betas: tuple = (0.5, 0.999)
     warm_up: float = 0.1
     r1: float = 0.0
+    mixed: bool = False
     width: float = 1.0
     layers: int = 4
     dropout: float = 0.3
