@@ -18,7 +18,7 @@ from cospeech.errors import CospeechError
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, bone_lengths
 
 OFF = Cleanup(bone_tolerance=0, speed_limit=0, agreement=0, joined=0, sigma=0, upright=False, forward=False,
-              unify_bones=False, threshold=0)  # fmt: skip
+              unify_bones=False, threshold=0, wrists=False, ahead=False)  # fmt: skip
 
 
 def cleaned(track, settings=OFF, seconds=4.0, **options):
@@ -180,6 +180,70 @@ def test_a_leaning_camera_is_turned_upright_and_the_heading_taken_out():
     assert away[3:-3].max() < 2.0
     left = result.positions[:, J["left_shoulder"]] - result.positions[:, J["right_shoulder"]]
     assert (left[:, 0] > 0.3).all()
+
+
+def head_of(track, offset=(0, 0, 0)):
+    """A head that nods, turned by `offset` (degrees about x, y, z)."""
+    t = np.arange(track.frames) / track.fps
+    nods = Rotation.from_rotvec(np.stack([0.2 * np.sin(3 * t), 0 * t, 0 * t], 1))
+    return Face((Rotation.from_euler("XYZ", offset, degrees=True) * nods).as_rotvec(), np.ones(track.frames))
+
+
+@pytest.mark.parametrize("camera", [0, 15])
+def test_hands_lean_back_with_the_camera_but_not_with_the_bodys_tracker(camera):
+    """The body is seen to lean by 15 degrees: with the head, then it is the camera, and hands lean too; or alone."""
+    track, settings = make_track(seconds=6.0), Cleanup(**{**OFF.__dict__, "upright": True})
+    truth = positions(6.0, 15)
+    tilt = Rotation.from_euler("X", 15, degrees=True).as_matrix()
+    for name, points in track.parts.items():
+        if name == "body" or camera:
+            points.xyz[:] = points.xyz @ tilt.T
+    result = cleaned(track, settings, 6.0, face=head_of(track, (camera, 0, 0)))
+    for hand, root in ((LEFT_HAND, "left_hand_root"), (RIGHT_HAND, "right_hand_root")):
+        own, real = (p[:, hand] - p[:, [J[root]]] for p in (result.positions, truth))
+        assert millimetres(own, real)[3:-3].max() < 3.0
+    track.left_hand.space = track.right_hand.space = "camera"  # of one network with the body: it leans as one
+    result = cleaned(track, settings, 6.0, face=head_of(track, (camera, 0, 0)))
+    own, real = (p[:, LEFT_HAND] - p[:, [J["left_hand_root"]]] for p in (result.positions, truth))
+    assert (millimetres(own, real).max() > 20) == (camera == 0)
+
+
+def test_hands_face_between_where_the_body_and_the_head_do():
+    """The body's tracker alone sees the speaker turned aside by 20 degrees."""
+    track, truth = make_track(seconds=6.0), positions(6.0, 15)
+    track.body.xyz[:] = track.body.xyz @ Rotation.from_euler("Y", 20, degrees=True).as_matrix().T
+    finger, root = J["left_middle_0"], J["left_hand_root"]
+    for ahead, off in ((False, 20), (True, 10)):
+        settings = Cleanup(**{**OFF.__dict__, "forward": True, "ahead": ahead})
+        found = cleaned(track, settings, 6.0, face=head_of(track)).positions
+        one, other = ((p[:, finger] - p[:, root])[:, [0, 2]] @ [1, 1j] for p in (found, truth))
+        assert np.abs(np.degrees(np.angle(one / other))) == pytest.approx(np.full(90, off), abs=1)
+
+
+def test_a_speaker_looks_straight_ahead_on_average():
+    """A constant turn of the head is the tracker's or the camera's; short shots are too short to tell."""
+    for seconds, ahead, left in ((6.0, True, False), (6.0, False, True), (4.0, True, True)):
+        track = make_track(seconds=seconds)
+        settings = Cleanup(**{**OFF.__dict__, "ahead": ahead})
+        face = cleaned(track, settings, seconds, face=head_of(track, (10, 20, 5))).face
+        mean = np.degrees(Rotation.from_rotvec(face.rotation).mean().magnitude())
+        assert mean > 15 if left else mean < 0.1
+        nods = Rotation.from_rotvec(face.rotation).as_matrix()[:, 1, 2]
+        assert np.ptp(nods) > 0.3  # it still nods
+
+
+def test_wrists_go_where_their_hands_were_seen():
+    track, settings = make_track(), Cleanup(**{**OFF.__dict__, "wrists": True})
+    truth, j = positions(4.0, 15), J["left_wrist"]
+    wrist = track.body.table.index["left_wrist"]
+    track.body.xyz[:, wrist, :2] += [0.05, -0.04]
+    track.body.xy[:, wrist] += np.array([0.05, -0.04]) * 1500 / 2.0  # as the camera shows it, about
+    before, after = (millimetres(cleaned(track, s).positions, truth) for s in (OFF, settings))
+    assert np.median(before[:, j]) > 60 and np.median(after[:, j]) < 15
+    others = [k for k in range(13) if k != j]
+    assert np.allclose(before[:, others], after[:, others])
+    track.left_hand.observed[:] = False
+    assert np.allclose(millimetres(cleaned(track, settings).positions, truth)[:, j], before[:, j])
 
 
 def test_windows_without_hands_or_face_are_excluded_and_short_occlusions_tolerated():

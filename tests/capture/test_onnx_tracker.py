@@ -13,7 +13,7 @@ from cospeech.capture.onnx_tracker import OnnxTracker, _turned, posenet_trackers
 from cospeech.capture.trackers import run_trackers
 from cospeech.capture.video import open_film
 from cospeech.errors import CospeechError
-from cospeech.track import Camera, Track
+from cospeech.track import Camera, Points, Track
 from tests.capture.films import write_film
 from tests.capture.networks import constant_network, dots, simcc_network
 
@@ -142,6 +142,45 @@ def test_a_face_is_looked_at_where_the_body_has_it(tmp_path, film):
     assert track.face.model == "deep3dfacerecon64" and (track.face.score == 1).all()
     with pytest.raises(CospeechError, match="needs to know where the body is"):
         run_trackers(film, face)
+
+
+def body_with(**places):
+    """A body's `Points` over 12 frames, with some points at given pixels (2,) or (12, 2)."""
+    body = Points.empty("coco23", 12, depth=False)
+    body.observed[:] = True
+    for name, place in places.items():
+        body.xy[:, body.table.index[name]] = place
+    return body
+
+
+@pytest.mark.parametrize("off", [0, 110, -110])
+def test_a_hand_is_found_beside_a_rough_wrist(tmp_path, off):
+    """The body's wrist is off by up to three quarters of the shoulders; the hand is not in the first crop."""
+    places = PLACES + np.array([300, 200])
+    film = open_film(write_film(tmp_path / "film.mp4", dots(places, 480, 640, radius=6)))
+    simcc_network(tmp_path / "dots.onnx", SIZE, points=21)
+    parts = {"left_hand": {"skeleton": "hand21", "first": 0}}
+    tracker = OnnxTracker(write_manifest(tmp_path / "dots.yaml", parts=parts))
+    wrist = places.mean(axis=1) + np.array([off, off / 4])
+    left, right = wrist - np.array([0, 120]), wrist - np.array([150, 120])
+    arm = {"left_shoulder": left, "right_shoulder": right, "right_elbow": right, "left_elbow": wrist}
+    seen = {"body": body_with(**arm, left_wrist=wrist)}
+    hand = tracker.track(film, film.pictures(), seen)["left_hand"]
+    assert hand.observed.all()
+    np.testing.assert_allclose(hand.xy[:, :3], places, atol=2.0)
+
+
+@pytest.mark.parametrize(("height", "there"), [(60, True), (100, True), (119, False), (160, False)])
+def test_a_hand_below_the_picture_is_not_seen(tmp_path, film, height, there):
+    """A network that has a hand in the middle half of whatever it is shown; the picture is 120 pixels high."""
+    points = np.tile([[0.25, 0.25], [0.75, 0.75], [0.5, 0.5]], (7, 1))
+    constant_network(tmp_path / "dots.onnx", SIZE, points=points)
+    codec = {"kind": "direct", "points": "points", "columns": ["x", "y"], "unit": "unit"}
+    parts = {"left_hand": {"skeleton": "hand21", "first": 0}}
+    tracker = OnnxTracker(write_manifest(tmp_path / "dots.yaml", codec=codec, parts=parts))
+    wrist = [80, height]
+    seen = {"body": body_with(left_shoulder=[110, 10], right_shoulder=[50, 10], left_elbow=wrist, left_wrist=wrist)}
+    assert (tracker.track(film, film.pictures(), seen)["left_hand"].observed == there).all()
 
 
 def test_parts_come_from_different_trackers(tmp_path, film):

@@ -9,11 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cospeech.demo import read_take, write_take
-from cospeech.demo.annotation import HEADINGS, annotation_errors, judge_learning, write_errors
+from cospeech.demo.annotation import EXPRESSIONS, HEADINGS, annotation_errors, judge_learning, write_errors
 from cospeech.demo.film import SETTINGS, build_set, draw_take, film_take
 from cospeech.demo.take import read_motion
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.evaluation.fgd import Settings, train_feature_net
+from cospeech.face import COSPEECH64
 from cospeech.skeleton import RIGHT_HAND, UPPER55
 
 SECONDS, SIZE = 5.0, (160, 120)
@@ -96,8 +97,8 @@ def errors_of(clip, truth):
 def test_known_errors_are_measured(truth):
     """Joints moved by 30 mm, a head turned by 10 degrees, an expression turned upside down, fingers not seen."""
     clear = errors_of(truth, truth)
-    assert all(error.median == 0 for part, error in clear.items() if part != "expression")
-    assert clear["expression"].median == pytest.approx(1)
+    assert all(error.median == 0 for part, error in clear.items() if not part.startswith("expression"))
+    assert all(clear[part].median == pytest.approx(1) for part in EXPRESSIONS)
     positions, confidence = truth.positions.copy(), truth.confidence.copy()
     positions[:, UPPER55.joints("left_wrist", "right_wrist")] += [0.0, 0.03, 0.0]
     positions[:, RIGHT_HAND] += [0.1, 0.0, 0.0]  # the hand as a whole: no error of a hand that is judged by its wrist
@@ -112,7 +113,11 @@ def test_known_errors_are_measured(truth):
     assert found["right hand"].median == pytest.approx(0, abs=0.01)
     assert found["right hand"].excluded == pytest.approx(0.2) and found["left hand"].excluded == 0
     assert found["head rotation"].median == pytest.approx(10, abs=0.01)
-    assert found["expression"].median == pytest.approx(-1)
+    assert all(found[part].median == pytest.approx(-1) for part in EXPRESSIONS)
+    expression = truth.expression.copy()
+    expression[:, COSPEECH64.index("jaw_open")] *= -1  # the jaw alone is wrong
+    found = errors_of(replace(truth, expression=expression), truth)
+    assert [round(found[part].median) for part in EXPRESSIONS] == [1, 1, -1]
 
 
 def test_an_annotation_of_another_length_is_an_error(truth):

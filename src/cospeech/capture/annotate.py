@@ -35,7 +35,7 @@ def annotate(
         raise CospeechError(track.refused)
     sight = in_metres(assemble(track, name), bones)
     _refuse(track, sight, settings, name)
-    seconds, samples, sample_rate = _sound(track, audio, audio_start, fps, name)
+    seconds = _seconds(track, audio, audio_start, fps, name)
     frames = round(seconds * fps)
     if not frames:
         raise CospeechError(f"{name}: {seconds:.3f} s is less than one frame at {fps:g} fps")
@@ -48,11 +48,12 @@ def annotate(
     quality = judge(
         cleaned, sight, track.fps, fps, subject=subject, clip=clip, backend=track.backend, licence_note=licence
     )
+    del sight  # an hour of it and an hour of sound are a gigabyte
     head = {"subject": subject, "clip": clip, "fps": float(fps), "audio": audio_path, "face_model": model,
             "words": _words(audio, words, audio_start, seconds), "source": track.source,
             "source_sha256": track.source_sha256,
             "extra": {"tracker": track.backend, "licence_note": licence}}  # fmt: skip
-    return _clip(cleaned, samples, sample_rate, fps, head).validate(name), quality
+    return _clip(cleaned, *_sound(audio, audio_start, seconds), fps, head).validate(name), quality
 
 
 def _clip(cleaned, samples, sample_rate, fps, head):
@@ -125,21 +126,29 @@ def _face(track, face_model, name):
     return face, model, licence
 
 
-def _sound(track, audio, audio_start, fps, name):
-    """Seconds that picture and sound share, and the samples (N,) with their rate."""
-    from cospeech.speech import audio_duration, load_audio
+def _seconds(track, audio, audio_start, fps, name):
+    """How long picture and sound both last."""
+    from cospeech.speech import audio_duration
 
     moving = track.frames / track.fps
     if audio is None:
         notice(f"{name}: no sound; the clip's speech features are those of silence")
-        return moving, np.zeros(round(moving * SILENCE), np.float32), SILENCE
+        return moving
     sounding = audio_duration(audio) - audio_start
     if sounding <= 0:
         raise CospeechError(f"{audio}: ends before the track begins in it, at {audio_start:g} s")
     if abs(moving - sounding) > 1 / fps and not (sounding > moving and audio_start):
         notice(f"{name} lasts {moving:.3f} s, {audio} {sounding:.3f} s; what both have is used")
-    seconds = min(moving, sounding)
-    return seconds, *load_audio(audio, start=audio_start, end=audio_start + seconds)
+    return min(moving, sounding)
+
+
+def _sound(audio, start, seconds):
+    """The samples (N,) of the take's sound, and their rate."""
+    from cospeech.speech import load_audio
+
+    if audio is None:
+        return np.zeros(round(seconds * SILENCE), np.float32), SILENCE
+    return load_audio(audio, start=start, end=start + seconds)
 
 
 def _words(audio, words, start, seconds):

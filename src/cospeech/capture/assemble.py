@@ -21,7 +21,8 @@ class Sight:
 
     positions (F, 55, 3): x left, y up, z to the camera; the body relative to the pelvis, each hand to its own wrist; in
     metres if `metric`. pixels (F, 55, 2): where the tracker saw them, y down. score (F, 55) 0..1. seen (F, 55) bool:
-    False where the tracker found nothing.
+    False where the tracker found nothing. apart: whether the hands come from a network of their own, which does not
+    share the body's lean.
     """
 
     positions: np.ndarray
@@ -29,6 +30,7 @@ class Sight:
     score: np.ndarray
     seen: np.ndarray
     metric: bool = True
+    apart: bool = False
 
     def __len__(self):
         return len(self.positions)
@@ -51,6 +53,7 @@ def assemble(track, name="track"):
         points = getattr(track, part)
         if points is None:
             continue
+        sight.apart |= points.space == "wrist"
         if points.xyz is None:
             raise CospeechError(f"{name}: {part} is in two dimensions only; a clip needs a tracker with depth (xyz)")
         weights = _weights(points.table, part, name)

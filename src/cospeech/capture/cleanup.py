@@ -12,6 +12,7 @@ from cospeech.capture.assemble import HANDS, PARTS
 from cospeech.capture.fill import EXCLUDED
 from cospeech.capture.gates import agreement_gate, bone_gate, joined_gate, robust_bones, speed_gate
 from cospeech.capture.stretch import SIDES, Face, clean_stretch
+from cospeech.capture.wrists import wrists_at_hands
 from cospeech.errors import CospeechError
 from cospeech.formats.mocap import REST_FOREARM, rest_hand
 from cospeech.skeleton import BODY, UPPER55
@@ -29,10 +30,13 @@ class Cleanup:
     speed_limit : m/s beyond which a jump there and back is an outlier (O).
     agreement : distance between a joint in 3D, projected, and in 2D, in sizes of its part (O).
     joined : distance between the roots of hand and arm in the picture, in shoulder widths (O).
+    wrists : wrists lie, in the picture, where the roots of their hands were seen (O).
     fill_frames : believed frames at most this many frames of 15 Hz apart are joined by a cubic (P: 8).
     unify_bones : one set of bone lengths for the speaker.
     sigma : standard deviation of the Gaussian, in frames of 15 Hz (P: 1.5), on body, hands and head rotation.
-    upright : the take's mean trunk is turned to stand straight. forward : the smoothed heading is taken out.
+    upright : the shot's mean trunk is turned to stand straight; hands and head that other networks saw by as much of it
+        as the head's mean lean shares. forward : the smoothed heading is taken out. ahead : the head's mean direction
+        over a shot is straight ahead, and counts as much as the heading where hands are seen apart (O).
     window, threshold : a frame is excluded where the mean confidence of the face, or of the two hands together, over a
         window of so many frames of 15 Hz around it falls below the threshold (P: the rule; O: its two numbers).
     least_face, least_body : pixels of the face's height and share of frames with a body, below which a take is refused
@@ -42,12 +46,14 @@ class Cleanup:
     bone_tolerance: float = 0.5
     speed_limit: float = 8.0
     agreement: float = 0.8
-    joined: float = 0.4
+    joined: float = 0.6
+    wrists: bool = True
     fill_frames: int = 8
     unify_bones: bool = True
     sigma: float = 1.5
     upright: bool = True
     forward: bool = True
+    ahead: bool = True
     window: int = 64
     threshold: float = 0.3
     least_face: float = 40.0
@@ -87,6 +93,8 @@ def clean(sight, fps, frames, *, face=None, cuts=(), bones=None, settings=None, 
     if not believed[:, BODY].any():
         raise CospeechError(f"{name}: no believable body in any of its {len(sight)} frames")
     bones = completed(robust_bones([sight.positions], [believed]) if bones is None else bones)
+    if settings.wrists:
+        sight = replace(sight, positions=wrists_at_hands(sight, believed))
     typical = _typical(sight.positions, believed)
     shots, apart = [], settings.fill_frames * fps / RATE
     for where, start, count in _shots(cuts, len(sight), fps, frames, rate):
@@ -94,7 +102,7 @@ def clean(sight, fps, frames, *, face=None, cuts=(), bones=None, settings=None, 
         shots.append(clean_stretch(
             part, believed[where], typical, bones, face and face.section(where), clock=(fps, rate, count, start),
             apart=apart, sigma=settings.sigma * rate / RATE, unify=settings.unify_bones, upright=settings.upright,
-            forward=settings.forward,
+            forward=settings.forward, ahead=settings.ahead,
         ))  # fmt: skip
     join = lambda key: np.concatenate([getattr(shot, key) for shot in shots])  # noqa: E731
     cleaned = Cleaned(

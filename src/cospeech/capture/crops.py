@@ -3,10 +3,17 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 
-HAND_SIZE = 0.9  # side of a hand's first box, in forearms (elbow to wrist)
-HAND_AHEAD = 0.3  # its centre, beyond the wrist in the same direction, in forearms
-HEAD_SIZE = 0.75  # side of a face's first box, in shoulder widths
+HAND_SIZE = 0.5  # side of a hand's first box, in shoulder widths
+HAND_AHEAD = 0.3  # its centre, beyond the wrist in the same direction, in forearms (elbow to wrist)
+HEAD_SIZE = 0.75  # side of a head's first box, in shoulder widths
+FACE_SIZE = 0.5  # the same of the landmarks alone, which end at brows and chin
+SPREAD = (-0.8, -0.4, 0.0, 0.4, 0.8)  # where a part is searched for around its first box, in the box's sides
+WIDTHS = [("left_shoulder", "right_shoulder", 1.0), ("left_shoulder", "left_elbow", 1.1),
+          ("right_shoulder", "right_elbow", 1.1)]  # fmt: skip
+FRAMES = 31  # over which such a width is steadied
+ALIKE = 0.6, 1.5  # how much smaller and larger than the first box a box may become
 HEADS = (("nose",), ("left_ear", "right_ear"), ("head",), ("head_top", "neck"))  # the first that a skeleton has
 
 
@@ -78,16 +85,26 @@ def box_of(xy, score, least):
 def hand_boxes(body, side):
     """(F, 4) first boxes of the "left" or "right" hand by the forearm of a body's `Points`; NaN where unobserved."""
     elbow, wrist = (body.xy[:, j] for j in body.table.joints(f"{side}_elbow", f"{side}_wrist"))
-    forearm = np.maximum(np.linalg.norm(wrist - elbow, axis=1), 0.5 * _shoulders(body))
     centre = wrist + HAND_AHEAD * (wrist - elbow)
-    return _squares(centre, HAND_SIZE * forearm, body.observed)
+    return _squares(centre, HAND_SIZE * _shoulders(body), body.observed)
 
 
-def face_boxes(body):
-    """(F, 4) first boxes of the face by a body's `Points`; NaN where unobserved."""
+def face_boxes(body, size=HEAD_SIZE):
+    """(F, 4) first boxes of the face, `size` shoulder widths wide, by a body's `Points`; NaN where unobserved."""
     index = body.table.index
     names = next(names for names in HEADS if all(name in index for name in names))
-    return _squares(body.xy[:, body.table.joints(*names)].mean(axis=1), HEAD_SIZE * _shoulders(body), body.observed)
+    return _squares(body.xy[:, body.table.joints(*names)].mean(axis=1), size * _shoulders(body), body.observed)
+
+
+def around(box):
+    """[(4,)] boxes of the same size in a grid about a box (4,)."""
+    return [box + box[2] * np.array([x, y, 0, 0]) for x in SPREAD for y in SPREAD]
+
+
+def like(box, first):
+    """A square (4,) about a box's centre, as large as the box, but not much smaller or larger than the first box."""
+    side = np.clip(max(box[2:]), ALIKE[0] * first[2], ALIKE[1] * first[2])
+    return np.array([*box[:2], side, side])
 
 
 def landmark_boxes(points):
@@ -97,8 +114,15 @@ def landmark_boxes(points):
 
 
 def _shoulders(body):
-    left, right = (body.xy[:, j] for j in body.table.joints("left_shoulder", "right_shoulder"))
-    return np.linalg.norm(left - right, axis=1)
+    """(F,) width of the shoulders in pixels, or of what would be as wide where they are seen from the side: the median
+    over a second or two, as one frame's is easily wrong."""
+    width = np.zeros(len(body))
+    for start, end, share in WIDTHS:
+        a, b = (body.xy[:, j] for j in body.table.joints(start, end))
+        width = np.maximum(width, share * np.linalg.norm(a - b, axis=1))
+    known = np.flatnonzero(body.observed)
+    filled = np.interp(np.arange(len(body)), known, width[known]) if len(known) else width
+    return median_filter(filled, FRAMES, mode="nearest")
 
 
 def _squares(centre, side, observed):

@@ -66,17 +66,25 @@ def agreement_gate(positions, pixels, seen, tolerance):
     the size is the root mean square distance of the part's seen joints from their middle. A second fit leaves out what
     the first one flags, so that one wrong joint does not spoil its neighbours' verdict.
     """
-    flat = positions[..., :2] * [1.0, -1.0]  # y down, as pixels are
     kept, away = seen, None
     for _ in range(2):
-        weight = kept[..., None] / np.maximum(kept.sum(axis=1), 1)[:, None, None]
-        points, image = (a - (weight * a).sum(axis=1, keepdims=True) for a in (flat, pixels))
-        spread = (weight * points**2).sum(axis=(1, 2))
-        scale = (weight * points * image).sum(axis=(1, 2)) / np.maximum(spread, 1e-12)
-        size = np.sqrt((weight * image**2).sum(axis=(1, 2)))
+        points, image, scale = flat_fit(positions, pixels, kept)
+        weight = kept / np.maximum(kept.sum(axis=1), 1)[:, None]
+        size = np.sqrt((weight * (image**2).sum(axis=2)).sum(axis=1))
         away = np.linalg.norm(image - scale[:, None, None] * points, axis=-1) / np.maximum(size, 1e-9)[:, None]
         kept = seen & (away <= tolerance)
     return seen & (away > tolerance)
+
+
+def flat_fit(positions, pixels, kept):
+    """The weak-perspective camera of each frame: (points (F, J, 2), image (F, J, 2), scale (F,)), such that
+    image = scale * points fits best over the joints `kept` (F, J); both about the middle of these, y down, in the units
+    of positions (F, J, 3) and pixels (F, J, 2)."""
+    flat = positions[..., :2] * [1.0, -1.0]  # y down, as pixels are
+    weight = kept[..., None] / np.maximum(kept.sum(axis=1), 1)[:, None, None]
+    points, image = (a - (weight * a).sum(axis=1, keepdims=True) for a in (flat, pixels))
+    spread = (weight * points**2).sum(axis=(1, 2))
+    return points, image, (weight * points * image).sum(axis=(1, 2)) / np.maximum(spread, 1e-12)
 
 
 def joined_gate(pixels, seen, part, tolerance):

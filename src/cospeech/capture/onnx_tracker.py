@@ -7,7 +7,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cospeech.capture import codecs
-from cospeech.capture.crops import box_of, crop_about, face_boxes, hand_boxes, landmark_boxes, whole_picture
+from cospeech.capture.crops import (
+    FACE_SIZE,
+    around,
+    box_of,
+    crop_about,
+    face_boxes,
+    hand_boxes,
+    landmark_boxes,
+    like,
+    whole_picture,
+)
 from cospeech.capture.manifest import Manifest, read_manifest
 from cospeech.errors import CospeechError
 from cospeech.files import sha256
@@ -16,7 +26,9 @@ from cospeech.track import Camera, FaceCoefficients, Points
 
 BATCH = 16  # crops in one run where the boxes are known beforehand
 PASSES = 3  # looks at one picture where the first box is a guess
+SEARCHED = 2  # pictures after which a part is searched for around: what is followed may be something else
 LEAST_BOX = 0.03  # share of the picture's longer side; what follows a smaller body has lost it
+SHOWN = 0.6  # share of a hand's or a face's points that lie in the picture where it is seen at all
 
 
 class OnnxTracker:
@@ -45,7 +57,8 @@ class OnnxTracker:
             followed = list(self._follow(pictures))
             rows = {part: followed for part in self.parts}
         else:
-            rows = self._look(pictures, {part: _first_boxes(part, seen, film) / scale for part in self.parts})
+            look = self._look_once if self.manifest.codec["kind"] == "coefficients" else self._look
+            rows = look(pictures, {part: _first_boxes(part, seen, film) / scale for part in self.parts})
         return {part: self._gathered(part, own, film, scale) for part, own in rows.items()}
 
     def _follow(self, pictures):
@@ -68,26 +81,41 @@ class OnnxTracker:
             yield None if lost else found
 
     def _look(self, pictures, boxes):
-        """{part: [what is seen in each picture, or None]} about the boxes (F, 4) of each part, in batches."""
+        """{part: [what is seen in each picture, or None]} about each part's boxes (F, 4), and where it was before."""
+        rows, before = {part: [] for part in boxes}, {}
+        for picture in pictures:
+            before = {} if picture.cut else before
+            for part, own in boxes.items():
+                known = picture.index < len(own) and np.isfinite(own[picture.index]).all()
+                found = self._searched(part, picture, own[picture.index], before.get(part)) if known else None
+                before[part] = None if found is None else like(_box(found), own[picture.index])
+                rows[part].append(found)
+        return rows
+
+    def _look_once(self, pictures, boxes):
+        """The same, in batches, for coefficients: they say neither where the face is nor how sure they are."""
         rows, pictures = {part: [] for part in boxes}, iter(pictures)
         while group := list(islice(pictures, self.batch)):
             for part, own in boxes.items():
                 there = [p for p in group if p.index < len(own) and np.isfinite(own[p.index]).all()]
-                found = self._surest(part, [p.rgb for p in there], [own[p.index] for p in there]) if there else []
+                found = self._seen([own[p.index] for p in there], [p.rgb for p in there]) if there else []
                 seen = dict(zip((p.index for p in there), found, strict=True))
                 rows[part] += [seen.get(p.index) for p in group]
         return rows
 
-    def _surest(self, part, images, places):
-        """What is seen of a part in N images about N boxes, and then about what was seen: of the looks the surest."""
-        best = None
-        for _ in range(1 if part == "face" else PASSES):
-            found = self._seen(places, images, flipped=self.manifest.mirrored and part == "left_hand")
-            pairs = zip(best or found, found, strict=True)
-            best = [new if new[2].mean() >= old[2].mean() else old for old, new in pairs]
-            if part != "face":
-                closer = [box_of(xy, score, self.manifest.least) for xy, _, score in found]
-                places = [old if new is None else new for old, new in zip(places, closer, strict=True)]
+    def _searched(self, part, picture, expected, before):
+        """What is seen of a part in a picture: of looks about the box `expected`, where it was `before` (or None), now
+        and then around, and then twice more about what was seen, the surest."""
+
+        def surest(*places):
+            flipped = self.manifest.mirrored and part == "left_hand"
+            return max(self._seen(places, [picture.rgb] * len(places), flipped), key=_sureness)
+
+        best = surest(expected) if before is None else surest(expected, before)
+        if picture.cut or picture.index % SEARCHED == 0:
+            best = max(best, surest(*around(expected)), key=_sureness)
+        for _ in range(PASSES - 1):
+            best = max(best, surest(like(_box(best), expected)), key=_sureness)
         return best
 
     def _seen(self, boxes, images, flipped=False):
@@ -108,7 +136,8 @@ class OnnxTracker:
         else:
             points, score = codecs.POINTS[codec["kind"]](outputs, codec)
             space = points[..., 2:] if points.shape[-1] == 3 else [None] * len(points)
-        return [(c.to_picture(xy[:, :2]), z, s) for c, xy, z, s in zip(crops, points, space, score, strict=True)]
+        looks = zip(crops, points, space, score, strict=True)
+        return [(crop.to_picture(xy[:, :2]), z, s.copy()) for crop, xy, z, s in looks]  # a copy: no batch is kept alive
 
     def _tensors(self, images):
         """(N, height, width, 3) uint8 RGB -> what the network takes."""
@@ -144,6 +173,8 @@ class OnnxTracker:
         for i, row in enumerate(rows):
             if row is None or row[2][own].mean() < m.least:
                 continue
+            if part != "body" and _within(row[0][own], *film.size()).mean() < SHOWN:
+                continue  # networks are trained on hands that are there, and imagine one below the picture's edge
             points.observed[i], points.score[i], points.xy[i] = True, row[2][own], row[0][own] * scale
             if points.xyz is not None:
                 points.xyz[i] = self._in_space(points.xy[i], row[1][own], film)
@@ -179,6 +210,15 @@ def posenet_trackers(folder, threads=None):
     return {part: tracker for tracker in trackers for part in tracker.parts}
 
 
+def _sureness(found):
+    return found[2].mean()
+
+
+def _box(found):
+    """(4,) the box of a look's points, but for those that it is much less sure of than of the others."""
+    return box_of(found[0], found[2], min(0.5 * _sureness(found), np.sort(found[2])[-3]))
+
+
 def _within(xy, width, height):
     """(K,) bool: the points in the picture. Networks learn from crops of what is seen; they imagine hidden legs too."""
     return ((xy >= -0.5) & (xy < (width - 0.5, height - 0.5))).all(axis=1)
@@ -190,7 +230,9 @@ def _first_boxes(part, seen, film):
         return landmark_boxes(seen["face_landmarks"])
     if "body" not in seen:
         raise CospeechError(f"{film.path}: a tracker of {part} alone needs to know where the body is; add one for body")
-    return face_boxes(seen["body"]) if part.startswith("face") else hand_boxes(seen["body"], part.split("_")[0])
+    if part.startswith("face"):
+        return face_boxes(seen["body"], *([] if part == "face" else [FACE_SIZE]))
+    return hand_boxes(seen["body"], part.split("_")[0])
 
 
 def _turned(xyz, crop, image):

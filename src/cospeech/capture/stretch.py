@@ -10,9 +10,11 @@ from cospeech.capture.assemble import HANDS
 from cospeech.capture.fill import EXCLUDED, fill_gaps, fill_joints
 from cospeech.formats.mocap import HEADING_SECONDS, REST_FOREARM, UP, rest_hand
 from cospeech.rotation import between, continuous, heading, resample, resample_rotations
-from cospeech.skeleton import UPPER55, with_bone_lengths
+from cospeech.skeleton import BODY, UPPER55, with_bone_lengths
 
 TRUST = np.array([0.0, 0.5, 1.0])  # factor on the confidence of what is excluded, interpolated, observed
+SETTLED = 5.0  # seconds of a face whose mean direction tells where it looks to
+AHEAD = np.array([0.0, 0.0, 1.0])
 SIDES = {"right": -1.0, "left": 1.0}
 LEFT, RIGHT = UPPER55.joints("left_hip", "left_shoulder"), UPPER55.joints("right_hip", "right_shoulder")
 
@@ -49,7 +51,7 @@ class Stretch:
     face_state: np.ndarray | None = None
 
 
-def clean_stretch(sight, believed, typical, bones, face, *, clock, apart, sigma, unify, upright, forward):
+def clean_stretch(sight, believed, typical, bones, face, *, clock, apart, sigma, unify, upright, forward, ahead):
     """Clean one stretch of a take.
 
     sight, believed : as `cleanup.believe` judged them. typical (55, 3) : for joints never believed here;
@@ -65,20 +67,23 @@ def clean_stretch(sight, believed, typical, bones, face, *, clock, apart, sigma,
     at = _nearest(len(sight), *clock)
     positions = resample(filled[..., :3], fps, rate, frames, start)
     state, score = state[at], np.clip(filled[at, :, 3], 0, 1)
+    settled = face is not None and (face.score > 0).sum() >= SETTLED * fps
+    ahead = ahead and settled
     turn, tilt = _upright(positions, state) if upright else (Rotation.identity(), 0.0)
-    positions = turn.apply(positions.reshape(-1, 3)).reshape(positions.shape)
+    others = _shared(turn, face) if sight.apart and settled else turn
+    positions = np.concatenate([_turned(positions[:, BODY], turn), _turned(positions[:, BODY.stop :], others)], axis=1)
     away = _heading(positions, rate) if forward else Rotation.identity(frames)
-    positions = np.einsum("tji,tkj->tki", away.as_matrix(), positions)
+    aside = _aside(away, others, face) if sight.apart and forward and ahead else Rotation.identity()
+    for joints, own in ((BODY, away), (slice(BODY.stop, None), away * aside)):
+        positions[:, joints] = _turned(positions[:, joints], own.inv())
     _attach_hands(positions, resting, bones)
     if unify:
         positions = with_bone_lengths(positions, bones)
     positions = smooth(positions, sigma)
     if unify:  # smoothing cuts the corners of turning bones
         positions = with_bone_lengths(positions, bones)
-    stretch = Stretch(positions, score * TRUST[state], state, tilt)
-    if face is not None:
-        stretch.face, stretch.face_state = _clean_face(face, away.inv() * turn, clock, apart, sigma)
-    return stretch
+    faces = (None, None) if face is None else _clean_face(face, away.inv() * others, clock, apart, sigma, ahead)
+    return Stretch(positions, score * TRUST[state], state, tilt, *faces)
 
 
 def smooth(values, sigma):
@@ -105,6 +110,31 @@ def _upright(positions, state):
         return Rotation.identity(), 0.0
     turn = Rotation.from_quat(between(trunk, UP))
     return turn, float(np.degrees(turn.magnitude()))
+
+
+def _turned(positions, rotations):
+    """(T, J, 3) by one rotation, or by T."""
+    return positions @ np.swapaxes(rotations.as_matrix(), -1, -2)
+
+
+def _looking(face, axis):
+    """(3,) where an axis of the head points to on average over the frames in which a face was seen."""
+    return Rotation.from_rotvec(face.rotation[face.score > 0]).apply(axis).mean(axis=0)
+
+
+def _shared(turn, face):
+    """The part of the body's turn upright that the head's mean lean asks for as well. A leaning camera shows in both;
+    what only the body leans is its tracker's fault, of which hands and head, seen by other networks, know nothing."""
+    head, body = Rotation.from_quat(between(_looking(face, UP), UP)).as_rotvec(), turn.as_rotvec()
+    return Rotation.from_rotvec(np.clip(head @ body / max(body @ body, 1e-12), 0, 1) * body)
+
+
+def _aside(away, others, face):
+    """Half the turn about the vertical from where the body is seen to face, on average, to where the head looks: each
+    is one network's idea of where the speaker faces, and hands seen by a third share neither's error."""
+    look, body = others.apply(_looking(face, AHEAD)), away.mean().apply(AHEAD)
+    angle = np.arctan2(look[0], look[2]) - np.arctan2(body[0], body[2])
+    return Rotation.from_rotvec(((angle + np.pi) % (2 * np.pi) - np.pi) / 2 * UP)
 
 
 def _heading(positions, rate):
@@ -144,8 +174,9 @@ def stand(bones):
     return positions[0]
 
 
-def _clean_face(face, turn, clock, apart, sigma):
-    """The face on the clip's clock, its rotation in the clip's axes by `turn` (T rotations) and smoothed."""
+def _clean_face(face, turn, clock, apart, sigma, ahead):
+    """The face on the clip's clock, its rotation in the clip's axes by `turn` (T rotations) and smoothed; with `ahead`
+    its mean is straight ahead."""
     fps, rate, frames, start = clock
     seen = face.score > 0
     quaternions = Rotation.from_rotvec(face.rotation).as_quat()
@@ -157,4 +188,6 @@ def _clean_face(face, turn, clock, apart, sigma):
     rotation = turn * Rotation.from_quat(resample_rotations(turned, fps, rate, frames, start))
     expression = None if face.expression is None else resample(filled[:, 5:], fps, rate, frames, start)
     score = np.clip(filled[at, 4], 0, 1) * TRUST[state[at]]
+    if ahead and (score > 0).any():
+        rotation = rotation[score > 0].mean().inv() * rotation
     return Face(smooth_rotations(rotation.as_rotvec(), sigma), score, expression), state[at]

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.capture.face_model import embedded
 from cospeech.errors import CospeechError, notice
+from cospeech.face import COSPEECH64
 from cospeech.files import writing
 from cospeech.skeleton import BODY, LEFT_HAND, RIGHT_HAND, UPPER55
 
@@ -18,6 +19,8 @@ JOINTS = {
     "elbows": ("left_elbow", "right_elbow"), "wrists": ("left_wrist", "right_wrist"),
     "hips": ("left_hip", "right_hip"), "body": tuple(n for n in UPPER55.names[BODY] if n != "pelvis"),
 }  # fmt: skip
+# Components of the expression by how their names begin.
+EXPRESSIONS = {"expression": ("",), "expression: mouth": ("jaw", "mouth"), "expression: jaw_open": ("jaw_open",)}
 MOVED = 0.02  # standard deviation over time from which an expression component counts as moved
 VISIBLE = 1e-3  # metres by which such a component moves some landmark
 MODEL = "knn"  # the generator that learns from both: its motion is the recorded one, so what is lost can be seen in it
@@ -43,8 +46,8 @@ def annotation_errors(clips, truth):
     """[`Error`] of annotated clips against the true ones: {take: Clip} both, on the same clock, faces of cospeech64.
 
     Body joints relative to the pelvis, hands relative to their wrist (mm); the head's rotation (degrees); expression:
-    the correlation over time of every component that moves and that landmarks can show, one number each. Lower is
-    better, but for `expression`.
+    the correlation over time of every component that moves and that landmarks can show, one number each, and of those
+    of the mouth alone. Lower is better, but for expressions.
     Raises CospeechError if a take has no truth of its length.
     """
     for name, clip in clips.items():
@@ -57,7 +60,7 @@ def annotation_errors(clips, truth):
     if all(clip.rotation is not None for clip in clips.values()):
         found.append(_head(pairs))
     if all(clip.expression is not None and clip.face_model == truth[name].face_model for name, clip in clips.items()):
-        found.append(_expression(pairs))
+        found += [_expression(pairs, part, begin) for part, begin in EXPRESSIONS.items()]
     return found
 
 
@@ -91,13 +94,15 @@ def _head(pairs):
     return _error("head rotation", "degrees", np.degrees(np.concatenate(turns)), known)
 
 
-def _expression(pairs):
-    """Correlations of the components that move and that landmarks show; one that the annotation never moves has 0."""
+def _expression(pairs, part, begin):
+    """Correlations of the components that move and that landmarks show, of those whose names begin so; one that the
+    annotation never moves has 0."""
     known = np.concatenate([clip.face_confidence > 0 for clip, _ in pairs])
     own, real = (np.concatenate([pair[i].expression for pair in pairs])[known] for i in (0, 1))
-    moved = np.flatnonzero((real.std(axis=0) > MOVED) & _shown()) if known.any() else []
+    own_part = np.array([name.startswith(begin) for name in COSPEECH64])
+    moved = np.flatnonzero((real.std(axis=0) > MOVED) & _shown() & own_part) if known.any() else []
     values = np.array([np.corrcoef(own[:, i], real[:, i])[0, 1] if own[:, i].std() else 0.0 for i in moved])
-    error = _error("expression", "correlation", values, np.ones(len(values), bool))
+    error = _error(part, "correlation", values, np.ones(len(values), bool))
     return replace(error, excluded=float(1 - known.mean()))
 
 

@@ -3,7 +3,8 @@
 from cospeech.posenet.people import make_people
 from cospeech.posenet.store import write_store
 
-MARGIN = 1.3  # room around the network's crop, to turn and shift it in
+# Room around the network's crop, to turn and shift it in: hands and faces are looked for about a body's rough joints.
+MARGIN = {"body": 1.3, "hand": 1.8, "face": 1.7}
 TEST = 1_000_000  # number of the first person to test with; those to train with are counted from 0
 LICENCE = "synthetic people made by cospeech; no terms of their own"
 
@@ -14,7 +15,7 @@ def write_people(path, part, counts, *, size, seed, test=False):
     counts : {"studio" or "wild": how many}. size : side of the network's crop, pixels.
     test : other people than without, and cut out as the network sees them, without room for augmentation.
     """
-    margin = 1.0 if test else MARGIN
+    margin = 1.0 if test else MARGIN[part]
     side, start = round(margin * size), TEST if test else 0
     options = {"part": part, "size": side, "margin": side / size, "seed": seed, "start": start}
     batches = (batch for domain, n in counts.items() for batch in make_people(n, domain=domain, **options))
