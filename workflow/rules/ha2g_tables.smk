@@ -1,56 +1,6 @@
 # HA2G's tables over all speakers of `ensemble:` (docs/ha2g_metrics.md): results/tables/ha2g_table_1.csv, ha2g_table_3.csv
 # and ha2g_table_4.csv, and every metric of Table 1's rows in results/<ensemble>/metrics.csv.
 
-RULERS = ("expressive", "expressive_compat", "trimodal", "trimodal_compat")
-HA2G_BASELINES = ("ground_truth", "mismatched", "shuffled", "mean_pose")
-HA2G_LABELS = {
-    "seq2seq": "Seq2Seq",
-    "speech2gesture": "Speech2Gesture",
-    "joint_embedding": "Joint Embedding",
-    "trimodal": "Trimodal",
-    "ha2g": "HA2G",
-}
-OWN_MODELS = [model for model in MODELS if model not in DRAWN]  # each trained on one speaker alone
-# Table: its rows, and what the publication calls them.
-HA2G_TABLES = {
-    "ha2g_table_1": {row: row for row in HA2G_BASELINES}
-    | {row: label for row, label in HA2G_LABELS.items() if row in ENSEMBLE["models"]}
-    | {model: model for model in OWN_MODELS},
-    "ha2g_table_3": {
-        "low_only": "Low-level audio only",
-        "mid_only": "Mid-level audio only",
-        "high_only": "High-level audio only",
-        "no_in_level_negatives": "Without negatives of other times and clips",
-        "no_cross_level_negatives": "Without negatives of low and mid level",
-        "no_text": "Without text",
-        "ha2g": "HA2G",
-    },
-    "ha2g_table_4": {
-        "holistic": "Holistic",
-        "no_hand_hierarchy": "Without hand hierarchy",
-        "no_body_hierarchy": "Without body hierarchy",
-        "same_audio": "Same audio for every level",
-        "no_physical": "Without physical loss",
-        "ha2g": "HA2G",
-    },
-}
-ENSEMBLE_FOLDER = f"<results>/{ENSEMBLE['name']}"
-
-
-def judged(*tables):
-    """The evaluation files behind some tables."""
-    rows = [row for table in tables for row in HA2G_TABLES[table] if row not in HA2G_BASELINES]
-    return [f"{ENSEMBLE_FOLDER}/judged/{row}.h5" for row in dict.fromkeys(["baselines", *rows])]
-
-
-def made_by(wildcards):
-    """Input function: all test clips by a row, of every seed; none for the baselines."""
-    if wildcards.judged == "baselines":
-        return []
-    if wildcards.judged in OWN_MODELS:
-        return ensemble_files(f"<results>/{{subject}}/synthesis/{wildcards.judged}/{{clip}}.h5", "test")
-    return shared_syntheses(wildcards.judged)
-
 
 rule train_ha2g_ruler:
     input:

@@ -21,7 +21,7 @@ rule build_study:
     resources:
         mem_mb=1500,
     params:
-        results=config["results_dir"],
+        results=lambda w, output: Path(output.page).parents[1],
         subjects=list(SUBJECTS),
         methods=["ground_truth", "mismatched", *MODELS],
         settings=config.get("study", {}),

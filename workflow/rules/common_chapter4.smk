@@ -1,0 +1,50 @@
+# What the rows of the tables of thesis chapter 4 are, and the input functions of their rules (chapter4.smk).
+
+# Row: the model and the keys of the budget that it changes.
+SEEDED = {
+    "regression": ("regression", {}),
+    "lstm": ("lstm", {}),
+    "velocity_gan": ("velocity_gan", {}),
+    "pose_gan": ("gesture_gan", {"adversary": "pose"}),
+    "gesture_gan": ("gesture_gan", {}),
+    "moglow": ("moglow", {}),
+    "window16": ("gesture_gan", {"frames": 16}),
+    "window32": ("gesture_gan", {"frames": 32}),
+    "window128": ("gesture_gan", {"frames": 128}),
+}
+COMPARISONS = {
+    "generators": {r: r for r in ("regression", "lstm", "velocity_gan", "gesture_gan", "moglow")},
+    "ablation": {
+        "regression": "no adversary",
+        "pose_gan": "adversary on pose",
+        "velocity_gan": "adversary on velocity",
+        "gesture_gan": "adversary on audio and pose",
+    },
+    "window_length": {
+        "window16": "16 frames",
+        "window32": "32 frames",
+        "gesture_gan": "64 frames",
+        "window128": "128 frames",
+    },
+}
+
+
+def seeded_networks(wildcards):
+    """Input function: the networks of a table's rows, of every seed."""
+    folder = f"<results>/{wildcards.subject}/chapter4"
+    return [f"{folder}/{row}_{seed}/model.onnx" for row in COMPARISONS[wildcards.table] for seed in SEEDS]
+
+
+def seeded_settings(wildcards):
+    """The budget's section for a row; windows of another length come in batches of as many frames in all."""
+    model, changed = SEEDED[wildcards.row]
+    settings = BUDGET.get(model, {}) | BUDGET.get("chapter4", {}) | changed
+    if "frames" in changed:
+        settings["batch"] = max(2, round(settings.get("batch", 25) * 64 / changed["frames"]))
+    return settings
+
+
+def face_model_of(wildcards):
+    """Input function: the subject's own face model, if it has one."""
+    tracker = SUBJECTS[wildcards.subject].tracker
+    return {"face_model": tracker["face_model"]} if "face_model" in tracker else {}
