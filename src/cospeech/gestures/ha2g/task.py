@@ -1,5 +1,6 @@
 """What the trainings of this folder share: batches of a corpus, a discriminator that joins late, the export."""
 
+from abc import ABC, abstractmethod
 from dataclasses import asdict, replace
 
 import torch
@@ -81,18 +82,18 @@ class WindowTask:
         return self.generator.cpu().eval(), self.example(), ["poses"]
 
 
-class AdversarialTask(WindowTask):
+class AdversarialTask(WindowTask, ABC):
     """A training with a discriminator, which joins after the share `warm_up` of it.
 
     With `mixed`, the discriminator is given real and made poses in one batch. Given one after the other, as published,
     its batch norm brings both to the same mean and deviation, so that it cannot tell motion that is too small.
-    `reconstruct(batch)` returns what the discriminator shall judge, (N, T, C), and the other loss terms, unweighted.
     """
 
     judge, fool = staticmethod(judge), staticmethod(fool)
 
+    @abstractmethod
     def reconstruct(self, batch):
-        raise NotImplementedError
+        """What the discriminator shall judge, (N, T, C), and the other loss terms, unweighted."""
 
     def iterate(self, step, rng):
         batch, settings = self.batch(rng), self.settings
