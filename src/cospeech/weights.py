@@ -64,6 +64,24 @@ def read_tensors(path):
     return found
 
 
+def load_torchvision(module, path, architecture, fitting, without=()):
+    """Put weights in torchvision's layout (`read_tensors`) into a module that names its parameters alike.
+
+    architecture : "resnet50", as an error names it. fitting : what a module must be for them to fit. without :
+    beginnings of names that torchvision's network does not have. Raises CospeechError when the file is unreadable or of
+    another network.
+    """
+    found = read_tensors(path)
+    wanted = {name: tensor for name, tensor in module.state_dict().items() if not name.startswith(tuple(without))}
+    for name, tensor in wanted.items():
+        if name not in found and not name.endswith("num_batches_tracked"):
+            raise CospeechError(f"{path}: has no {name!r}; expected {architecture}'s weights in torchvision's layout")
+        if name in found and found[name].shape != tensor.shape:
+            shapes = f"{tuple(found[name].shape)}, this network's {tuple(tensor.shape)}"
+            raise CospeechError(f"{path}: {name} is {shapes}; ImageNet weights fit {fitting}")
+    module.load_state_dict({name: found[name] for name in wanted if name in found}, strict=False)
+
+
 def export_onnx(module, path, inputs, outputs, description, *, sequences=True):
     """Write a torch module as one ONNX file and check it against torch.
 

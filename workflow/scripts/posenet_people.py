@@ -8,7 +8,8 @@ with job():
     from cospeech.settings import settings_of
 
     settings = settings_of(Settings(), snakemake.params.settings, "posenet")
-    part, options = snakemake.wildcards.part, {"size": settings.input, "seed": snakemake.params.seed}
+    part = snakemake.wildcards.part
+    options = {"size": settings.input, "seed": snakemake.params.seed, "labelled": settings.labelled}
     trained = {domain: settings.people[domain] for domain in ("studio", "wild")}
     tested = dict.fromkeys(trained, settings.people["test"])
     write_people(snakemake.output.train, part, trained, **options)

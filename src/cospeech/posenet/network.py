@@ -18,7 +18,7 @@ from cospeech.errors import CospeechError, notice
 from cospeech.posenet import EVALUATED, JOINTS21
 from cospeech.posenet.camera import weak_perspective
 from cospeech.posenet.datasets.parts import PARTS
-from cospeech.weights import read_tensors
+from cospeech.weights import load_torchvision
 
 STRIDE = 16  # s in thesis 3.3.4: image pixels per heatmap pixel, along one side
 EXPANSION = 4  # a bottleneck's output channels over its width
@@ -242,14 +242,4 @@ def load_imagenet(network, path):
     """
     if path is None:
         return notice("pose network: no ImageNet weights were named, the backbone is trained from scratch")
-    wanted = network.backbone.state_dict()
-    wanted = {name: tensor for name, tensor in wanted.items() if not name.startswith("res5a.")}
-    found = read_tensors(path)
-    missing = [name for name in wanted if name not in found and not name.endswith("num_batches_tracked")]
-    if missing:
-        raise CospeechError(f"{path}: has no {missing[0]!r}; expected resnet50's weights in torchvision's layout")
-    for name, tensor in wanted.items():
-        if name in found and found[name].shape != tensor.shape:
-            shapes = f"{tuple(found[name].shape)}, this network's {tuple(tensor.shape)}"
-            raise CospeechError(f"{path}: {name} is {shapes}; ImageNet weights fit only width 64 and blocks (3, 4, 6)")
-    network.backbone.load_state_dict({name: found[name] for name in wanted if name in found}, strict=False)
+    load_torchvision(network.backbone, path, "resnet50", "only width 64 and blocks (3, 4, 6)", without=["res5a."])

@@ -54,7 +54,8 @@ class Settings:
     sigma : of a heatmap's peak, in its pixels (not published).
     augment : how much crops are changed (`augment.augment`); the thesis crops, shifts and turns, and not by how much.
         `replace` is the chance of another background, out of the people without 3D labels.
-    people : how many synthetic ones of each domain to train with, and how many of each to test with.
+    people : how many synthetic ones of each domain to train with, and how many of each to test with. labelled : domains
+        of which the training knows the 3D labels; the thesis knows those of the studio alone.
     half : compute in bfloat16 on processors that have instructions for it, too. threads : CPU threads of torch; another
         number may round differently.
     """
@@ -81,6 +82,7 @@ class Settings:
     weights: dict = field(default_factory=lambda: asdict(Weights()))
     augment: dict = field(default_factory=lambda: AUGMENT.copy())
     people: dict = field(default_factory=lambda: {"studio": 20_000, "wild": 20_000, "test": 2_000})
+    labelled: tuple = ("studio",)
     half: bool = False
     threads: int = 1
 

@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from cospeech.errors import CospeechError, notice
 from cospeech.gestures.ha2g.audio import scaled
-from cospeech.weights import read_tensors
+from cospeech.weights import load_torchvision
 
 CHANNELS = (64, 128, 256, 512)  # of ResNet-18's four stages, of two blocks each (He et al. 2016, Table 1)
 STRIDE = 32  # pixels of a picture per element of the last stage's map, along one side
@@ -83,14 +83,7 @@ def load_imagenet(encoder, path):
     if not path:
         notice("identity encoder: no ImageNet weights were named, it is trained from scratch, as published")
         return
-    wanted, found = encoder.backbone.state_dict(), read_tensors(path)
-    for name, tensor in wanted.items():
-        if name not in found and not name.endswith("num_batches_tracked"):
-            raise CospeechError(f"{path}: has no {name!r}; expected resnet18's weights in torchvision's layout")
-        if name in found and found[name].shape != tensor.shape:
-            shapes = f"{tuple(found[name].shape)}, this network's {tuple(tensor.shape)}"
-            raise CospeechError(f"{path}: {name} is {shapes}; ImageNet weights fit resnet18 of ha2g.width 1 only")
-    encoder.backbone.load_state_dict({name: found[name] for name in wanted if name in found}, strict=False)
+    load_torchvision(encoder.backbone, path, "resnet18", "resnet18 of ha2g.width 1 only")
 
 
 def export_identity(weights, path):

@@ -49,8 +49,7 @@ def make_people(count, *, domain="studio", part="body", size=128, margin=1.0, se
 
     Parameters
     ----------
-    domain : "studio" or "wild". Bodies in the wild have 2D labels alone, as MPII's; their 3D is there for testing and
-        `labelled3d` is False. Hands and faces have 3D labels in both.
+    domain : "studio" (3D labels) or "wild" (2D labels; the 3D is there for testing, `labelled3d` is False).
     part : "body", "hand" (right hands) or "face". size : side of the pictures in pixels.
     margin : how many times wider than the network's crop the pictures are, as in `store.write_store`.
 
@@ -178,7 +177,7 @@ def photograph_people(people, chosen, domain, part, size):
     tags["truncated"] = np.where(inside.all(axis=1), "no", "yes")
     return Batch(
         images, np.where(visible[..., None], pixels, 0).astype(np.float32), visible,
-        (points * 1000).astype(np.float32), np.full(len(chosen), domain == "studio" or part != "body"), masks, tags,
+        (points * 1000).astype(np.float32), np.full(len(chosen), domain == "studio"), masks, tags,
     )  # fmt: skip
 
 
