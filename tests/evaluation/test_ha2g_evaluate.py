@@ -85,6 +85,21 @@ def test_a_perfect_generator_is_the_truth_and_a_lazy_one_is_not(test_part, yards
     assert found["diversity_expressive"] < perfect["diversity_expressive"]
 
 
+def test_ripple_hides_timing_from_beats_and_a_low_pass_shows_it_again(test_part, yardstick, baselines):
+    truth, rng = test_part[0], np.random.default_rng(0)
+    made = {n: replace(c, positions=c.positions + rng.normal(0, 0.003, c.positions.shape)) for n, c in truth.items()}
+    rippled, plain = evaluate_ha2g("rippled", made, yardstick), baselines[0]
+    assert rippled["beat_rate"] > 1.5 * plain["beat_rate"] and rippled["bc_excess"] < 0.5 * plain["bc_excess"]
+    assert rippled["beat_rate_low_passed"] < rippled["beat_rate"]
+    assert rippled["bc_excess_low_passed"] > 1.5 * rippled["bc_excess"]
+
+
+def test_what_a_generator_has_smoothed_is_not_low_passed_again(test_part, yardstick):
+    smoothed = {name: replace(clip, extra={"smoothing": 1.5}) for name, clip in test_part[0].items()}
+    found = evaluate_ha2g("smoothed", smoothed, yardstick)
+    assert [found[f"{name}_low_passed"] for name in ("bc", "beat_rate")] == [found["bc"], found["beat_rate"]]
+
+
 def test_fgd_and_diversity_are_those_of_the_latents(test_part, yardstick, rulers):
     truth, _ = test_part
     ruler, rng = rulers["expressive"], np.random.default_rng(0)

@@ -29,6 +29,11 @@ class Take:
     onsets: np.ndarray | None
     fps: float
 
+    @classmethod
+    def of(cls, clip, sigma, onsets=None):
+        """A clip's motion, `low_passed`, under its own speech."""
+        return cls(low_passed(clip, sigma).positions, clip.features, clip.valid, onsets, clip.fps)
+
     def cut(self, start, stop):
         """Frames start..stop as a Take of its own."""
         onsets = self.onsets
@@ -53,6 +58,16 @@ def stretches(valid):
     runs = np.flatnonzero(np.diff(np.concatenate([[0], valid, [0]]))).reshape(-1, 2)
     longest = runs[np.argsort(runs[:, 0] - runs[:, 1])][:1]
     return [run for run in runs if run[1] - run[0] >= FRAMES] or list(longest)
+
+
+def low_passed(clip, sigma):
+    """The clip with joints and head rotation after a Gaussian of `sigma` frames in all.
+
+    Variances add: of what its generator did already, only the rest is done.
+    """
+    rest = np.sqrt(max(sigma**2 - float(clip.extra.get("smoothing", 0.0)) ** 2, 0.0))
+    rotation = None if clip.rotation is None else metrics.low_pass(clip.rotation, rest)
+    return replace(clip, positions=metrics.low_pass(clip.positions, rest), rotation=rotation)
 
 
 @dataclass
@@ -94,9 +109,9 @@ class Reference:
         for name in sorted(truth):
             clip = truth[name]
             onsets = speech_onsets(*audio[name]) if name in audio else None
-            takes[name] = Take(_low_passed(clip, sigma), clip.features, clip.valid, onsets, clip.fps)
+            takes[name] = Take.of(clip, sigma, onsets)
         takes = {name: take for name, take in takes.items() if _usable(name, take)}
-        pieces = [p for c in train for p in Take(_low_passed(c, sigma), c.features, c.valid, None, c.fps).pieces()]
+        pieces = [p for clip in train for p in Take.of(clip, sigma).pieces()]
         motions = [piece.positions for piece in pieces]
         return cls(
             subject=train[0].subject, takes=takes, feature_net=feature_net,
@@ -121,7 +136,7 @@ class Reference:
                     f"{self.subject}/{name}: the clip of {clip.generator or 'a model'} has {clip.frames} frames at "
                     f"{clip.fps} fps, its truth {len(truth.positions)} at {truth.fps}; make it from the same audio"
                 )
-            takes[name] = replace(truth, positions=_low_passed(clip, self.sigma))
+            takes[name] = replace(truth, positions=low_passed(clip, self.sigma).positions)
         return takes
 
     def of_baseline(self, row):
@@ -223,12 +238,6 @@ def _clip_metrics(take, reference):
         chance = metrics.chance_coverage(beats, take.onsets, len(positions) / fps)
         found["beat_excess"] = found["beat_consistency"] - chance
     return [found.get(name, np.nan) for name in METRICS]
-
-
-def _low_passed(clip, sigma):
-    """The clip's positions after a Gaussian of `sigma` frames in all; variances add, so the rest is done."""
-    done = float(clip.extra.get("smoothing", 0.0))
-    return metrics.low_pass(clip.positions, np.sqrt(max(sigma**2 - done**2, 0.0)))
 
 
 def _latents(feature_net, pieces):
