@@ -40,5 +40,5 @@ def test_seeds_multiply_trainings_and_not_rows(planned):
 
 def test_ablations_train_each_row_once_and_the_whole_network_once(planned):
     jobs = planned("ha2g_ablations")
-    assert jobs["train_shared"] == 11 + 1 and jobs["evaluate_ha2g"] == 1 + 11 + 1
+    assert jobs["train_shared"] == 12 + 1 and jobs["evaluate_ha2g"] == 1 + 12 + 1
     assert jobs["ha2g_table"] == 2 and "train_model" not in jobs

@@ -4,7 +4,7 @@ ENSEMBLE = {"name": "everyone", "speakers": [], "held_out": [], "levels": "expre
             "models": [], "seeds": [config["seed"]], "embeddings": "", "filters": {}} | config.get("ensemble", {})  # fmt: skip
 BY_FRAMES = ENSEMBLE["identity"] == "frames"  # what ha2g and its ablations know the speakers by; the others never do
 FILMED = [name for name, subject in SUBJECTS.items() if set(subject.filmed) & set(subject.takes_of("train"))]
-# Rows of Tables 3 and 4 of the publication: what they change in the budget's section `ha2g`.
+# Rows of Tables 3 and 4 of the publication, and one of our own, `words`: what they change in the budget's section `ha2g`.
 HA2G_ABLATIONS = {
     "low_only": {"audio_levels": ["low"]},
     "mid_only": {"audio_levels": ["mid"]},
@@ -12,6 +12,7 @@ HA2G_ABLATIONS = {
     "no_in_level_negatives": {"in_level_negatives": False},
     "no_cross_level_negatives": {"cross_level_negatives": False},
     "no_text": {"text": False},
+    "words": {"text_input": True},
     "holistic": {"pose_hierarchy": "none"},
     "no_hand_hierarchy": {"pose_hierarchy": "body"},
     "no_body_hierarchy": {"pose_hierarchy": "hands"},
@@ -41,6 +42,7 @@ HA2G_TABLES = {
         "no_in_level_negatives": "Without negatives of other times and clips",
         "no_cross_level_negatives": "Without negatives of low and mid level",
         "no_text": "Without text",
+        "words": "Hearing words when generating",
         "ha2g": "HA2G",
     },
     "ha2g_table_4": {

@@ -16,6 +16,7 @@ The rows of HA2G's Tables 3 and 4 are settings of `ha2g` (`hierarchy.Settings`):
 | without negatives of other times and clips | `in_level_negatives: false` |
 | without negatives of low and mid | `cross_level_negatives: false` |
 | without text | `text: false` |
+| hearing words when generating, not published | `text_input: true` |
 | holistic | `pose_hierarchy: none` |
 | without hand hierarchy | `pose_hierarchy: body` |
 | without body hierarchy | `pose_hierarchy: hands` |
