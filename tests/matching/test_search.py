@@ -12,7 +12,7 @@ from scipy.spatial import distance
 
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.matching import Database, Matcher
-from cospeech.matching.multiply import multiplier
+from cospeech.multiply import multiplier
 
 VARIANTS = ["pose", "audio", "pose_only"]
 # Placement: (frames of a clip at which a window may start, how many frames before it the compared pose lies)
