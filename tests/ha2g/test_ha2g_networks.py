@@ -6,7 +6,7 @@ import torch
 
 from cospeech.gestures.ha2g.audio import SpectrogramEncoder, WaveEncoder
 from cospeech.gestures.ha2g.discriminator import Discriminator
-from cospeech.gestures.ha2g.generator import GRU, Cascade, inferred_levels
+from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
 from cospeech.gestures.ha2g.joint_embedding import PoseEncoder
 from cospeech.gestures.ha2g.levels import level_table
 from cospeech.gestures.ha2g.style import SpeakerStyle, StyleCoordinator, blend
@@ -139,18 +139,6 @@ def test_published_generator_inputs():
     assert [level.gru.input_size - 81 for level in cascade.levels] == [24, 30, 36, 66, 96, 126]
     assert {(level.gru.hidden_size, level.gru.num_layers) for level in cascade.levels} == {(300, 4)}
     assert [layer.out_features for layer in cascade.levels[-1].head[::2]] == [150, 126]
-
-
-def test_gru_sums_its_directions():
-    torch.manual_seed(0)
-    gru, x = GRU(3, 5, 1, 0.0), torch.randn(2, 7, 3)
-    weights = dict(gru.named_parameters())
-    both = []
-    for suffix, given in (("", x), ("_reverse", x.flip(1))):
-        one = torch.nn.GRU(3, 5, batch_first=True)
-        one.load_state_dict({name: weights[name + suffix] for name in one.state_dict()})
-        both.append(one(given)[0])
-    torch.testing.assert_close(gru(x), both[0] + both[1].flip(1))
 
 
 def test_discriminator_and_pose_encoder_shapes():

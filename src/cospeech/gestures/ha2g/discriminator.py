@@ -3,7 +3,7 @@
 from torch import nn
 
 from cospeech.gestures.ha2g.audio import scaled
-from cospeech.gestures.ha2g.generator import GRU
+from cospeech.gestures.ha2g.gru import GRU
 
 UNPADDED = 6  # frames that its three convolutions eat
 
@@ -22,7 +22,7 @@ class Discriminator(nn.Module):
             nn.Conv1d(8, 8, 3),
         )  # fmt: skip
         hidden = scaled(64, width)
-        self.gru = GRU(8, hidden, layers, dropout)
+        self.gru = GRU(8, hidden, layers, dropout, twice=True)  # by the penalty `r1`
         self.frame = nn.Linear(hidden, 1)
         self.window = nn.Linear(frames - UNPADDED, 1)
 

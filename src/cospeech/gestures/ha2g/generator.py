@@ -6,44 +6,9 @@ from torch.nn import functional as F
 
 from cospeech.errors import CospeechError
 from cospeech.gestures.ha2g.audio import scaled
+from cospeech.gestures.ha2g.gru import GRU
 
 HIDDEN = 300
-
-
-class GRU(nn.GRU):
-    """A GRU, batch first, whose directions are summed if it has two: (N, T, C) -> (N, T, hidden)."""
-
-    def __init__(self, channels, hidden, layers, dropout, bidirectional=True):
-        dropout = dropout if layers > 1 else 0.0
-        super().__init__(channels, hidden, layers, batch_first=True, dropout=dropout, bidirectional=bidirectional)
-
-    def forward(self, x):
-        if torch.compiler.is_exporting():
-            return self._as_onnx(x)
-        return sum(super().forward(x)[0].split(self.hidden_size, dim=2))
-
-    def _as_onnx(self, x):
-        """The same in ONNX's own operator; torch's exporter would unroll every frame, which takes it minutes."""
-        x = x.transpose(0, 1)
-        directions = ("", "_reverse") if self.bidirectional else ("",)
-        attributes = {"hidden_size": self.hidden_size, "linear_before_reset": 1,
-                      "direction": "bidirectional" if self.bidirectional else "forward"}  # fmt: skip
-        for layer in range(self.num_layers):
-            ends = [f"l{layer}{direction}" for direction in directions]
-            inputs, states, biases_in, biases = (
-                torch.stack([self._in_onnx_order(getattr(self, f"{name}_{end}")) for end in ends])
-                for name in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
-            )
-            shape = (x.shape[0], len(directions), x.shape[1], self.hidden_size)
-            given = (x, inputs, states, torch.cat([biases_in, biases], dim=1))
-            y = torch.onnx.ops.symbolic("GRU", given, attributes, dtype=x.dtype, shape=shape)
-            x = y.transpose(1, 2).flatten(2)  # the directions side by side
-        return y.sum(1).transpose(0, 1)
-
-    def _in_onnx_order(self, weights):
-        """Torch's reset, update, new as update, reset, new."""
-        size = self.hidden_size
-        return torch.cat([weights[size : 2 * size], weights[:size], weights[2 * size :]])
 
 
 class Level(nn.Module):

@@ -12,7 +12,8 @@ from torch.nn import functional as F
 
 from cospeech.gestures.ha2g.audio import FEATURES, WaveEncoder, scaled
 from cospeech.gestures.ha2g.corpus import FRAMES, SEED_FRAMES
-from cospeech.gestures.ha2g.generator import GRU, HIDDEN
+from cospeech.gestures.ha2g.generator import HIDDEN
+from cospeech.gestures.ha2g.gru import GRU
 from cospeech.gestures.ha2g.task import WindowTask
 from cospeech.gestures.ha2g.text import TextEncoder
 from cospeech.settings import settings_of

@@ -8,7 +8,7 @@ from torch.nn import functional as F
 
 from cospeech.gestures.ha2g.audio import scaled
 from cospeech.gestures.ha2g.corpus import FRAMES
-from cospeech.gestures.ha2g.generator import GRU
+from cospeech.gestures.ha2g.gru import GRU
 from cospeech.gestures.ha2g.task import WindowTask
 from cospeech.gestures.ha2g.text import EMBEDDING, word_embedding
 from cospeech.settings import settings_of
