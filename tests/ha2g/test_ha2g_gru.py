@@ -1,5 +1,9 @@
 """The compiled GRU against torch's own: states, gradients, dropout, and what it refuses."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -97,6 +101,28 @@ def test_dropout_is_as_large_as_asked_for_and_anew_everywhere(share):
     torch.manual_seed(1)
     assert torch.equal(dropout(x, share), y)
     assert dropout(x, 0.0) is x
+
+
+BYTES = """
+import hashlib, torch
+from cospeech.gestures.ha2g.gru import GRU
+torch.manual_seed(0)
+gru, x = GRU(40, 76, 2, 0.1), torch.randn(32, 34, 40)
+gru(x).square().sum().backward()
+print(hashlib.sha256(b"".join(p.grad.numpy().tobytes() for p in gru.parameters())).hexdigest())
+"""
+
+
+def test_compiled_now_or_found_in_the_cache_same_bytes(tmp_path):
+    """Numba links both otherwise, which shows as soon as a kernel may reorder its arithmetic."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    run = lambda: (
+        subprocess.run(  # noqa: E731
+            [sys.executable, "-c", BYTES], env=environment, check=True, capture_output=True, text=True
+        ).stdout
+    )
+    first = run()
+    assert list(tmp_path.rglob("*.nbc")) and run() == first
 
 
 def test_gru_sums_its_directions():

@@ -5,6 +5,9 @@ long as their arithmetic, and a cascade of six GRUs has six times as many of the
 
 The equations are those of `torch.nn.GRU`, of input x and state h before: r = s(W_ir x + b_ir + W_hr h + b_hr), z alike,
 n = tanh(W_in x + b_in + r (W_hn h + b_hn)), and the state is then (1 - z) n + z h.
+
+No kernel may reorder its arithmetic ("fastmath"): numba links what it has just compiled otherwise than what it finds in
+its cache, and the first training on a machine would end in other bytes than the second.
 """
 
 import numpy as np
@@ -14,15 +17,13 @@ from torch.nn import functional as F
 
 from cospeech.multiply import COLUMNS, ROWS, multiply_tile
 
-# Numbers that are none have to stay so: a training that diverges is stopped by them.
-FAST = {"contract", "reassoc", "nsz", "arcp"}
 ONE, TWO, HALF, FAR = np.float32(1), np.float32(2), np.float32(0.5), np.float32(9)
 # Lambert's continued fraction of tanh, seven deep, as a quotient of polynomials of the square.
 ABOVE = tuple(np.float32(c) for c in (135135, 17325, 378, 1))
 BELOW = tuple(np.float32(c) for c in (135135, 62370, 3150, 28))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, error_model="numpy")
 def tanh(x):
     """Within 2e-7, in instructions that compilers make vectors of: that of a quarter of x, doubled twice."""
     x = FAR if x > FAR else x
@@ -35,14 +36,14 @@ def tanh(x):
     return TWO * t / (ONE + t * t)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, error_model="numpy")
 def _sigmoid(a, g, b):
     """a = s(a + g + b)."""
     for j in range(len(a)):
         a[j] = HALF + HALF * tanh(HALF * (a[j] + g[j] + b[j]))
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, error_model="numpy")
 def _candidate(a, g, b, r, hidden, hidden_bias):
     """n, in place of a, and what the reset gate was multiplied with."""
     for j in range(len(a)):
@@ -50,7 +51,7 @@ def _candidate(a, g, b, r, hidden, hidden_bias):
         a[j] = tanh(a[j] + b[j] + r[j] * hidden[j])
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, error_model="numpy")
 def _mix(n, z, h, state):
     for j in range(len(n)):
         h[j] = n[j] + z[j] * (h[j] - n[j])
@@ -93,7 +94,7 @@ def forwards(gates, weights, biases, hidden_bias, states, hidden):
                     _mix(n, z, h[w, of], states[t, w, d, of])
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, error_model="numpy")
 def _errors(error, product, carried, before, r, z, n, hidden):
     """From the error of a state to those of its gates, in their places, and to what passes them to the state before."""
     for j in range(len(error)):
@@ -106,7 +107,7 @@ def _errors(error, product, carried, before, r, z, n, hidden):
         r[j], z[j], n[j] = of_r, of_z, of_n
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, error_model="numpy")
 def _add(gates, hidden, row, biases):
     """Errors of one frame as a row to multiply, (r, z, hidden), and added to those of the biases, (r, z, n, hidden)."""
     for j in range(len(hidden)):
