@@ -116,11 +116,11 @@ print(hashlib.sha256(b"".join(p.grad.numpy().tobytes() for p in gru.parameters()
 def test_compiled_now_or_found_in_the_cache_same_bytes(tmp_path):
     """Numba links both otherwise, which shows as soon as a kernel may reorder its arithmetic."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    run = lambda: (
-        subprocess.run(  # noqa: E731
-            [sys.executable, "-c", BYTES], env=environment, check=True, capture_output=True, text=True
-        ).stdout
-    )
+
+    def run():
+        command = [sys.executable, "-c", BYTES]
+        return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
+
     first = run()
     assert list(tmp_path.rglob("*.nbc")) and run() == first
 
