@@ -67,7 +67,7 @@ class GRU(nn.GRU):
 def dropout(x, share):
     """Zeros in place of a share of x, known to 1/65536, and the rest larger for it.
 
-    `torch.dropout` draws a random number for each of x; here each gives four, and the drawing a quarter of its time.
+    `torch.dropout` draws a random number for each of x, which is slow on the processor; here each number serves four.
     """
     if not share:
         return x

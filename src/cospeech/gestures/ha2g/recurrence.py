@@ -3,11 +3,13 @@
 Torch calls many small operations for every frame of every direction. At the widths of a demo budget the calls take as
 long as their arithmetic, and a cascade of six GRUs has six times as many of them.
 
-The equations are those of `torch.nn.GRU`, of input x and state h before: r = s(W_ir x + b_ir + W_hr h + b_hr), z alike,
-n = tanh(W_in x + b_in + r (W_hn h + b_hn)), and the state is then (1 - z) n + z h.
+The equations are those of `torch.nn.GRU` (Cho et al. 2014, the reset gate behind its product), of input x and the
+state h before: r = s(W_ir x + b_ir + W_hr h + b_hr), z alike, n = tanh(W_in x + b_in + r (W_hn h + b_hn)), and the
+state is then (1 - z) n + z h.
 
 No kernel may reorder its arithmetic ("fastmath"): numba links what it has just compiled otherwise than what it finds in
-its cache, and the first training on a machine would end in other bytes than the second.
+its cache, and the first training on a machine would end in other bytes than the second. Divisions have numpy's error
+model, for Python's checks would keep the loops from becoming vectors.
 """
 
 import numpy as np
@@ -53,6 +55,7 @@ def _candidate(a, g, b, r, hidden, hidden_bias):
 
 @njit(cache=True, error_model="numpy")
 def _mix(n, z, h, state):
+    """The next state, in place of h and kept."""
     for j in range(len(n)):
         h[j] = n[j] + z[j] * (h[j] - n[j])
         state[j] = h[j]
@@ -95,10 +98,10 @@ def forwards(gates, weights, biases, hidden_bias, states, hidden):
 
 
 @njit(cache=True, error_model="numpy")
-def _errors(error, product, carried, before, r, z, n, hidden):
-    """From the error of a state to those of its gates, in their places, and to what passes them to the state before."""
-    for j in range(len(error)):
-        of_state = error[j] + carried[j] + product[j]
+def _gate_gradients(gradient, product, carried, before, r, z, n, hidden):
+    """A state's gradient to those of its gates, in their places, and to what passes by them to the state before."""
+    for j in range(len(gradient)):
+        of_state = gradient[j] + carried[j] + product[j]
         of_n = of_state * (ONE - z[j]) * (ONE - n[j] * n[j])
         of_z = of_state * (before[j] - n[j]) * z[j] * (ONE - z[j])
         of_r = of_n * hidden[j] * r[j] * (ONE - r[j])
@@ -109,7 +112,7 @@ def _errors(error, product, carried, before, r, z, n, hidden):
 
 @njit(cache=True, error_model="numpy")
 def _add(gates, hidden, row, biases):
-    """Errors of one frame as a row to multiply, (r, z, hidden), and added to those of the biases, (r, z, n, hidden)."""
+    """Gradients of a frame as a row to multiply, (r, z, hidden), and added to the biases', (r, z, n, hidden)."""
     for j in range(len(hidden)):
         row[0, j], row[1, j], row[2, j] = gates[0, j], gates[1, j], hidden[j]
         biases[0, j] += gates[0, j]
@@ -119,11 +122,11 @@ def _add(gates, hidden, row, biases):
 
 
 @njit(cache=True)
-def backwards(errors, states, gates, hidden, weights, biases):
-    """The errors of states (T, N, D, H) taken back through all frames.
+def backwards(gradients, states, gates, hidden, weights, biases):
+    """The gradients of states (T, N, D, H) taken back through all frames.
 
-    weights (D, P, 3H, COLUMNS) : W_h in panels of columns. gates and hidden, as `forwards` left them, become the errors
-    of W_i x + b_i and of W_hn h + b_hn; biases (D, 4, H), zeros, the sums of both.
+    weights (D, P, 3H, COLUMNS) : W_h in panels of columns. gates and hidden, as `forwards` left them, become the
+    gradients of W_i x + b_i and of W_hn h + b_hn; biases (D, 4, H), zeros, the sums of both.
     """
     frames, windows, directions, width = states.shape
     count, nothing = weights.shape[1], np.zeros(width, np.float32)
@@ -139,7 +142,7 @@ def backwards(errors, states, gates, hidden, weights, biases):
                     of = slice(p * COLUMNS, min(width, (p + 1) * COLUMNS))
                     r, z, n = gates[t, w, d, 0, of], gates[t, w, d, 1, of], gates[t, w, d, 2, of]
                     given = products[p, w], carried[w, of], before[of], r, z, n, hidden[t, w, d, of]
-                    _errors(errors[t, w, d, of], *given)
+                    _gate_gradients(gradients[t, w, d, of], *given)
                 _add(gates[t, w, d], hidden[t, w, d], rows[w], biases[d])
             if i < frames - 1:
                 _multiply(rows.reshape(len(rows), 3 * width), weights[d], products)
@@ -174,14 +177,14 @@ class Recurrence(torch.autograd.Function):
 
     @staticmethod
     @torch.autograd.function.once_differentiable
-    def backward(ctx, errors):
+    def backward(ctx, gradients):
         if ctx.spent:
-            raise RuntimeError("a recurrence has been taken back before: its gates made room for their errors")
+            raise RuntimeError("a recurrence has been taken back before: its gates made room for their gradients")
         ctx.spent = True
         x, of_inputs, of_states, states, gates, hidden = ctx.saved_tensors
         biases = x.new_zeros(len(of_states), 4, of_states.shape[2])
         weights = torch.stack([_panels(one) for one in of_states])
-        given = errors.contiguous(), states, gates, hidden, weights, biases
+        given = gradients.contiguous(), states, gates, hidden, weights, biases
         backwards(*(tensor.numpy() for tensor in given))
         rows = gates.view(-1, len(of_inputs))
         back = rows @ of_inputs
@@ -192,11 +195,11 @@ class Recurrence(torch.autograd.Function):
 
 
 def _of_state_weights(states, gates, hidden):
-    """Errors of W_h (D, 3H, H): of its products, times the states before them, over all frames."""
-    width, of_one = states.shape[3], []
+    """Gradient of W_h (D, 3H, H): those of its products times the states before them, over all frames."""
+    of_one = []
     for d in range(states.shape[2]):
         after, before = (slice(None, -1), slice(1, None)) if d else (slice(1, None), slice(None, -1))
         known = states[before, :, d].flatten(0, 1)
         parts = gates[after, :, d, :2].flatten(2).flatten(0, 1), hidden[after, :, d].flatten(0, 1)
         of_one.append(torch.cat([part.T @ known for part in parts]))
-    return torch.stack(of_one).view(-1, 3 * width, width)
+    return torch.stack(of_one)
