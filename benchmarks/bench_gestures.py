@@ -18,8 +18,8 @@ import yaml
 
 from cospeech.clip import Clip
 from cospeech.gestures.models import gesture_task
+from cospeech.learning.weights import export_onnx
 from cospeech.synthesis import load_network
-from cospeech.weights import export_onnx
 
 FPS = 15.0
 BUDGET = Path(__file__).parents[1] / "config" / "budgets" / "demo.yaml"

@@ -21,7 +21,7 @@ from cospeech.gestures.ha2g.generator import Cascade, Level, inferred_levels
 from cospeech.gestures.ha2g.gru import GRU
 from cospeech.gestures.ha2g.levels import level_table
 from cospeech.gestures.ha2g.style import LOOKS, FrameStyle
-from cospeech.weights import OnnxNetwork, export_onnx
+from cospeech.learning.weights import OnnxNetwork, export_onnx
 
 STYLE = 18
 

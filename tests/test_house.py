@@ -12,7 +12,7 @@ SOURCE = Path(cospeech.__file__).parent
 ORDER = [
     *("errors", "files", "skeleton", "rotation", "animation", "face", "clip", "track"),
     *("speech", "formats", "capture"),
-    *("settings", "windows", "weights", "unet1d", "multiply", "training", "split"),
+    *("learning", "split"),
     *("posenet", "gestures", "matching", "synthesis"),
     *("evaluation", "render", "study", "demo", "describe", "commands", "cli"),
 ]

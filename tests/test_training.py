@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech import training
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.training import History, train
+from cospeech.learning import training
+from cospeech.learning.training import History, train
 
 
 class Fit:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cospeech.errors import CospeechError
-from cospeech.windows import Windows
+from cospeech.learning.windows import Windows
 
 
 @given(st.lists(st.lists(st.booleans(), min_size=1, max_size=40), min_size=1, max_size=4), st.integers(1, 6))

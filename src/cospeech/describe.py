@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.weights import load_weights
+from cospeech.learning.weights import load_weights
 
 
 def describe(path):

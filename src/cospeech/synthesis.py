@@ -44,8 +44,8 @@ def train_model(model, clips, settings, *, seed, folder, checkpoint=None, databa
     """
     import torch
 
-    from cospeech.training import finish, train
-    from cospeech.weights import export_onnx, save_weights
+    from cospeech.learning.training import finish, train
+    from cospeech.learning.weights import export_onnx, save_weights
 
     if threads:
         torch.set_num_threads(threads)

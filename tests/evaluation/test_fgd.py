@@ -8,8 +8,8 @@ from cospeech.errors import CospeechError
 from cospeech.evaluation.fgd import FRAMES, FeatureNet, Settings, pose_vectors, train_feature_net
 from cospeech.evaluation.metrics import frechet_distance
 from cospeech.files import sha256
+from cospeech.learning.weights import save_weights
 from cospeech.skeleton import bone_lengths, with_bone_lengths
-from cospeech.weights import save_weights
 
 
 @pytest.fixture(scope="module")

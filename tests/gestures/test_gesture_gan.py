@@ -11,12 +11,12 @@ from cospeech.errors import CospeechError
 from cospeech.gestures.generate import GestureGenerator
 from cospeech.gestures.gesture_gan import GestureTask, Settings, reconstruction_losses
 from cospeech.gestures.vectors import motion_to_vectors, vectors_to_motion
-from cospeech.settings import settings_of
+from cospeech.learning.settings import settings_of
+from cospeech.learning.training import train
+from cospeech.learning.unet1d import HALO, PRESETS, Critic, Decoder, Encoder
+from cospeech.learning.weights import load_weights
 from cospeech.skeleton import UPPER55
 from cospeech.synthesis import train_model
-from cospeech.training import train
-from cospeech.unet1d import HALO, PRESETS, Critic, Decoder, Encoder
-from cospeech.weights import load_weights
 from tests.conftest import make_clip
 
 SMALL = {"steps": 120, "batch": 8, "width": 0.1, "learning_rate": 3e-3}

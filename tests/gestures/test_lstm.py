@@ -11,9 +11,9 @@ from cospeech.gestures.gesture_gan import Settings as GestureSettings
 from cospeech.gestures.lstm import LSTMTask, Settings
 from cospeech.gestures.models import gesture_task
 from cospeech.gestures.vectors import motion_to_vectors
-from cospeech.settings import settings_of
+from cospeech.learning.settings import settings_of
+from cospeech.learning.training import train
 from cospeech.synthesis import train_model
-from cospeech.training import train
 from tests.conftest import make_clip
 
 SMALL = {"batch": 8, "hidden": 48, "learning_rate": 1e-2}

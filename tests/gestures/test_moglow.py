@@ -80,7 +80,7 @@ def test_untrained_likelihood_is_gaussian():
 
 @pytest.fixture(scope="module")
 def task():
-    from cospeech.training import train
+    from cospeech.learning.training import train
 
     task = MoGlowTask([make_clip(seed) for seed in range(2)], replace(SMALL, steps=150), seed=0)
     task.history = train(task, 150, seed=0)
@@ -195,7 +195,7 @@ def test_control_variant_follows_its_target():
     ]
     height = [SIGNALS["left_wrist_height"](clip.positions, clip.fps) for clip in moved]
     settings = replace(SMALL, steps=150, learning_rate=5e-3, pose_dropout=0.6)
-    from cospeech.training import train
+    from cospeech.learning.training import train
 
     task = MoGlowTask(moved, settings, 0, "moglow_height", height)
     targets = task.description["targets"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cospeech.cli import main
-from cospeech.weights import save_weights
+from cospeech.learning.weights import save_weights
 
 
 @pytest.fixture

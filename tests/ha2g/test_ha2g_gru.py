@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from cospeech.gestures.ha2g.gru import GRU, dropout
-from cospeech.gestures.ha2g.recurrence import tanh
+from cospeech.learning.recurrence import tanh
 
 
 def of_torch(gru, x):

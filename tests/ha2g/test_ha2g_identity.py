@@ -22,10 +22,10 @@ from cospeech.gestures.ha2g.models import ha2g_task
 from cospeech.gestures.ha2g.references import ReferenceFrames, take_reference_frames
 from cospeech.gestures.ha2g.style import FrameStyle, StyleCoordinator
 from cospeech.gestures.ha2g.synthesis import SharedGenerator, train_shared
+from cospeech.learning.training import train
+from cospeech.learning.weights import load_weights
 from cospeech.skeleton import UPPER55
 from cospeech.track import Points, Track
-from cospeech.training import train
-from cospeech.weights import load_weights
 from tests.ha2g.test_ha2g_training import spoken_take
 
 ANYTHING = Filters(words=0, difference=0.0, spine_most=360.0, spine_mean=360.0, wrist=0.0)

@@ -14,8 +14,8 @@ from cospeech.gestures.ha2g.collect import Take, collect
 from cospeech.gestures.ha2g.filters import Filters
 from cospeech.gestures.ha2g.hierarchy import published
 from cospeech.gestures.ha2g.models import MODELS, ha2g_task
-from cospeech.training import train
-from cospeech.weights import OnnxNetwork, export_onnx
+from cospeech.learning.training import train
+from cospeech.learning.weights import OnnxNetwork, export_onnx
 from tests.conftest import make_clip
 
 ANYTHING = Filters(words=0, difference=0.0, spine_most=360.0, spine_mean=360.0, wrist=0.0)

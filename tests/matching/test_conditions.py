@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from cospeech.errors import CospeechError
+from cospeech.learning.training import train
 from cospeech.matching import KNN, Database
 from cospeech.matching.conditions import CONDITIONS, Conditions
 from cospeech.matching.pairs import relative
@@ -12,7 +13,6 @@ from cospeech.matching.refine import Resynchronizer
 from cospeech.matching.resync import ResyncTask, settings_from
 from cospeech.matching.signals import SIGNALS
 from cospeech.synthesis import train_model
-from cospeech.training import train
 from tests.conftest import make_clip
 
 TOLD = ["left_wrist_height", "left_wrist_speed", "symmetry"]

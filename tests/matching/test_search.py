@@ -11,8 +11,8 @@ from reference import algorithm1
 from scipy.spatial import distance
 
 from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.learning.multiply import multiplier
 from cospeech.matching import Database, Matcher
-from cospeech.multiply import multiplier
 
 VARIANTS = ["pose", "audio", "pose_only"]
 # Placement: (frames of a clip at which a window may start, how many frames before it the compared pose lies)

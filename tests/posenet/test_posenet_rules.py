@@ -14,8 +14,8 @@ sys.path.insert(0, str(ROOT / "workflow"))
 from configuration import check, read_configuration, read_yaml
 
 from cospeech.errors import CospeechError
+from cospeech.learning.settings import settings_of
 from cospeech.posenet.task import Settings
-from cospeech.settings import settings_of
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from cospeech import training
 from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.learning import training
+from cospeech.learning.training import History
 from cospeech.posenet.loader import Loader, Mixture
 from cospeech.posenet.network import PoseNet
 from cospeech.posenet.store import Store, write_store
 from cospeech.posenet.task import ROWS, PoseTask, Settings, train_posenet
-from cospeech.training import History
 from tests.posenet.stick_people import BACKGROUND, stick_people, write_stick_people
 
 TINY = Settings(

@@ -5,10 +5,10 @@ from job import job, snakemake
 with job():
     import torch
 
+    from cospeech.learning.settings import settings_of
+    from cospeech.learning.training import finish
     from cospeech.matching import Database
     from cospeech.matching.similarity import Settings, train_similarity
-    from cospeech.settings import settings_of
-    from cospeech.training import finish
 
     torch.set_num_threads(snakemake.threads)
     settings = settings_of(Settings(), snakemake.params.settings, "audio_rank")

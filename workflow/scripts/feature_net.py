@@ -7,8 +7,8 @@ with job():
     from sections import sections
 
     from cospeech.evaluation.fgd import Settings, train_feature_net
-    from cospeech.settings import settings_of
-    from cospeech.training import finish
+    from cospeech.learning.settings import settings_of
+    from cospeech.learning.training import finish
 
     torch.set_num_threads(snakemake.threads)
     clips, _ = sections(snakemake.input.split, "train", snakemake.input.clips)

@@ -11,7 +11,7 @@ with job():
     from cospeech.gestures.ha2g.collect import Take, collect
     from cospeech.gestures.ha2g.filters import Filters
     from cospeech.gestures.ha2g.references import ReferenceFrames
-    from cospeech.settings import settings_of
+    from cospeech.learning.settings import settings_of
     from cospeech.speech import load_audio
     from cospeech.speech.mfcc import RATE
 

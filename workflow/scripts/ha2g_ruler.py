@@ -7,8 +7,8 @@ with job():
     from speakers import training_parts
 
     from cospeech.evaluation.expressive import Settings, train_ruler
-    from cospeech.settings import settings_of
-    from cospeech.training import finish
+    from cospeech.learning.settings import settings_of
+    from cospeech.learning.training import finish
 
     torch.set_num_threads(snakemake.threads)
     params = snakemake.params

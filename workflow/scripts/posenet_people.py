@@ -3,9 +3,9 @@
 from job import job, snakemake
 
 with job():
+    from cospeech.learning.settings import settings_of
     from cospeech.posenet.synthetic import write_people
     from cospeech.posenet.task import Settings
-    from cospeech.settings import settings_of
 
     settings = settings_of(Settings(), snakemake.params.settings, "posenet")
     part = snakemake.wildcards.part

@@ -5,10 +5,10 @@ from pathlib import Path
 from job import job, snakemake
 
 with job():
+    from cospeech.learning.settings import settings_of
     from cospeech.posenet.evaluate import evaluate
     from cospeech.posenet.export import export_posenet
     from cospeech.posenet.task import Settings, train_posenet
-    from cospeech.settings import settings_of
 
     files, made = snakemake.input, snakemake.output
     train_posenet(

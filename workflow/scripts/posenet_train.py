@@ -5,8 +5,8 @@ from pathlib import Path
 from job import job, snakemake
 
 with job():
+    from cospeech.learning.settings import settings_of
     from cospeech.posenet.task import Settings, train_posenet
-    from cospeech.settings import settings_of
 
     train_posenet(
         snakemake.input.people,

@@ -11,8 +11,8 @@ with job():
 
     from cospeech.clip import Clip
     from cospeech.evaluation.sync_classifier import Settings, train_sync_classifier, write_judgement
-    from cospeech.settings import settings_of
-    from cospeech.training import finish
+    from cospeech.learning.settings import settings_of
+    from cospeech.learning.training import finish
 
     torch.set_num_threads(snakemake.threads)
     files, (frames, seed) = snakemake.input, map(int, (snakemake.wildcards.frames, snakemake.wildcards.seed))

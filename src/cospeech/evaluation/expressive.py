@@ -19,9 +19,9 @@ from cospeech.evaluation.fgd import FRAMES, AutoEncoder, FeatureNet, Reconstruct
 from cospeech.files import sha256
 from cospeech.gestures.ha2g.bones import bone_vectors
 from cospeech.gestures.ha2g.levels import level_table
-from cospeech.training import device, train
-from cospeech.weights import load_weights
-from cospeech.windows import Windows
+from cospeech.learning.training import device, train
+from cospeech.learning.weights import load_weights
+from cospeech.learning.windows import Windows
 
 STRIDE = 10  # frames between the starts of two windows that are judged (HA2G section 4.1)
 

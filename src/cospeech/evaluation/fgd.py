@@ -17,9 +17,9 @@ from torch.nn import functional
 from cospeech.errors import CospeechError
 from cospeech.evaluation.metrics import BONES, bone_directions, low_pass
 from cospeech.files import sha256
-from cospeech.training import device, train
-from cospeech.weights import load_weights, save_weights
-from cospeech.windows import Windows
+from cospeech.learning.training import device, train
+from cospeech.learning.weights import load_weights, save_weights
+from cospeech.learning.windows import Windows
 
 FRAMES = 34
 CHANNELS = 3 * len(BONES)

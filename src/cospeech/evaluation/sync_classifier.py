@@ -18,9 +18,9 @@ from cospeech.errors import CospeechError
 from cospeech.files import reading_hdf5, writing, writing_hdf5
 from cospeech.gestures.pairs import MotionNetwork, Pairs
 from cospeech.gestures.vectors import motion_to_vectors
-from cospeech.training import autocast, descend, device, train
-from cospeech.unet1d import MULTIPLE, Critic, preset
-from cospeech.weights import load_weights, save_weights
+from cospeech.learning.training import autocast, descend, device, train
+from cospeech.learning.unet1d import MULTIPLE, Critic, preset
+from cospeech.learning.weights import load_weights, save_weights
 
 JUDGED = ("features", "body", "hands")  # the face is excluded, as from the discriminator
 WARNING = "not a measure of quality: the published classifier rated synthesis above recordings (thesis section 4.5)"

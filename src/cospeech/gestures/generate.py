@@ -3,7 +3,7 @@
 import numpy as np
 
 from cospeech.gestures.vectors import vectors_to_motion
-from cospeech.weights import OnnxNetwork
+from cospeech.learning.weights import OnnxNetwork
 
 
 class GestureGenerator:

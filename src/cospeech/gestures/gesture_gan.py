@@ -12,8 +12,8 @@ from torch.nn import functional as F
 
 from cospeech.errors import CospeechError
 from cospeech.gestures.pairs import MotionNetwork, Pairs
-from cospeech.training import autocast, descend, device
-from cospeech.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
+from cospeech.learning.training import autocast, descend, device
+from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
 
 # What the discriminator judges, of body and hands; the face is never among it (section 4.4.1).
 ADVERSARIES = {"none": (), "audio_pose": ("features", "body", "hands"), "pose": ("body", "hands"),
@@ -76,7 +76,7 @@ def reconstruction_losses(predicted, real):
 
 
 class GestureTask:
-    """Training of the chapter 4 network, for `cospeech.training.train`."""
+    """Training of the chapter 4 network, for `cospeech.learning.training.train`."""
 
     def __init__(self, clips, settings, seed, model="gesture_gan"):
         if settings.adversary not in ADVERSARIES:

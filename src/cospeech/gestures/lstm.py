@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.gestures.pairs import MotionNetwork, Pairs
-from cospeech.training import autocast, descend, device
+from cospeech.learning.training import autocast, descend, device
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class RecurrentNetwork(MotionNetwork):
 
 
 class LSTMTask:
-    """Training of the three LSTMs together, for `cospeech.training.train`; they share nothing but the batches."""
+    """Training of the three LSTMs together, for `learning.training.train`; they share nothing but the batches."""
 
     def __init__(self, clips, settings, seed):
         torch.manual_seed(seed)

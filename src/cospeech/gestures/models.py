@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cospeech.settings import settings_of
+from cospeech.learning.settings import settings_of
 
 ADVERSARY = {"regression": "none", "gesture_gan": "audio_pose", "velocity_gan": "velocity"}  # of the chapter 4 network
 # MoGlow trained with a control signal as one more input, one network for each, as thesis chapter 5 compares against.

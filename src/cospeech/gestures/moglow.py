@@ -16,7 +16,7 @@ from torch.nn import functional as F
 
 from cospeech.gestures.flow import LAYERS, Flow
 from cospeech.gestures.pairs import MotionNetwork, Pairs
-from cospeech.training import device
+from cospeech.learning.training import device
 
 MOTION = ("body", "hands")
 AVERAGED = 4.0  # seconds of a control signal (Alexanderson et al. 2020)
@@ -143,7 +143,7 @@ class MoGlow(MotionNetwork):
 
 
 class MoGlowTask:
-    """Maximum likelihood, for `cospeech.training.train`. control : a signal of every clip, list of (T,), or None."""
+    """Maximum likelihood, for `learning.training.train`. control : a signal of every clip, list of (T,), or None."""
 
     def __init__(self, clips, settings, seed, model="moglow", control=None):
         torch.manual_seed(seed)

@@ -5,8 +5,8 @@ import torch
 from torch import nn
 
 from cospeech.gestures.vectors import motion_to_vectors
-from cospeech.training import device
-from cospeech.windows import Windows
+from cospeech.learning.training import device
+from cospeech.learning.windows import Windows
 
 PARTS = ("face", "body", "hands")
 

@@ -9,11 +9,11 @@ the same clip, frame and ranks.
 import numpy as np
 from numba import njit, prange
 
+from cospeech.learning.multiply import COLUMNS, ROWS, multiply_tile
 from cospeech.matching.compact import near
 from cospeech.matching.features import WINDOW
 from cospeech.matching.keys import FAST, MASKED, cosine, distance, exact_key, key_bound
 from cospeech.matching.ranks import choose, choose_many
-from cospeech.multiply import COLUMNS, ROWS, multiply_tile
 
 BLOCK = 64  # clips that a thread takes at a time
 FEW = 3  # queries up to which one after the other is faster than together

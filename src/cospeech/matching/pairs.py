@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from cospeech.learning.windows import Windows
 from cospeech.matching.fakes import fake_pairs
 from cospeech.skeleton import to_parent_relative
-from cospeech.windows import Windows
 
 BLOCK = 512  # windows of k-NN motion that statistics gather at a time
 FLOOR = 1e-4  # a channel that deviates less (metres, or speech units) is only centred

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from cospeech.learning.weights import OnnxNetwork
 from cospeech.skeleton import UPPER55, from_parent_relative, to_parent_relative, with_bone_lengths
-from cospeech.weights import OnnxNetwork
 
 
 class Resynchronizer:

@@ -13,12 +13,12 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.errors import CospeechError, notice
+from cospeech.learning.settings import settings_of
+from cospeech.learning.training import autocast, descend, device
+from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
 from cospeech.matching.conditions import Conditions, check_conditions
 from cospeech.matching.pairs import moments, training_pairs
-from cospeech.settings import settings_of
 from cospeech.skeleton import bone_lengths
-from cospeech.training import autocast, descend, device
-from cospeech.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
 
 MOTION_CHANNELS = 165
 LAYERS = {
@@ -35,7 +35,7 @@ class Settings:
     preset : `published` (the thesis) or `released` (the public code): what the keys that are left out are.
     layers : `published` (ReLU, max pooling, 7 convolutions up and a head) or `released` (leaky ReLU, average pooling, 6
         and a head, Xavier-normal initial weights).
-    widths, width : preset of `cospeech.unet1d`, and a factor on it.
+    widths, width : preset of `cospeech.learning.unet1d`, and a factor on it.
     gradient_penalty, penalty_at : its weight, and where it is taken: for the motion at `generated` pairs (eq. 5.2) or
         for speech and motion at random `interpolates` between real and generated pairs (Gulrajani et al. 2017).
     fidelity : weight of the L1 distance to the k-NN motion.
@@ -181,7 +181,7 @@ class Kept(nn.Module):
 
 
 class ResyncTask:
-    """Training of the resynchroniser, for `cospeech.training.train`."""
+    """Training of the resynchroniser, for `cospeech.learning.training.train`."""
 
     def __init__(self, clips, settings, seed, database, starts=None):
         torch.manual_seed(seed)

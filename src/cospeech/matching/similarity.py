@@ -13,8 +13,8 @@ from hashlib import sha256
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.learning.weights import load_weights, save_weights
 from cospeech.matching.features import AUDIO_WIDTH, POSE_WIDTH, Normalization
-from cospeech.weights import load_weights, save_weights
 
 BLOCK = 16384  # frames of the database embedded at a time
 TOWERS = ("audio", "motion")
@@ -110,7 +110,7 @@ def train_similarity(database, settings=None, *, seed=0, checkpoint=None):
     """Train on every window of a Database; return (Similarity, History)."""
     import torch
 
-    from cospeech.training import train
+    from cospeech.learning.training import train
 
     settings = settings or Settings()
     if settings.embedding % 4:
@@ -129,7 +129,7 @@ def _task(database, settings):
     from torch import nn
     from torch.nn import functional as F
 
-    from cospeech.training import descend, device
+    from cospeech.learning.training import descend, device
 
     class Contrast:
         """Which of a batch's motions belongs to which speech: symmetric cross-entropy over cosines (InfoNCE)."""

@@ -11,9 +11,9 @@ import yaml
 from torch import nn
 
 from cospeech.files import sha256, writing
+from cospeech.learning.weights import export_onnx, load_weights
 from cospeech.posenet.camera import DEFAULT_MARGIN
 from cospeech.posenet.network import Design, PoseNet
-from cospeech.weights import export_onnx, load_weights
 
 SCHEMA = "cospeech.posenet"
 INPUT, OUTPUTS = "images", ("pose", "points", "heatmaps")

@@ -15,10 +15,10 @@ import torch
 from torch import nn
 
 from cospeech.errors import CospeechError, notice
+from cospeech.learning.weights import load_torchvision
 from cospeech.posenet import EVALUATED, JOINTS21
 from cospeech.posenet.camera import weak_perspective
 from cospeech.posenet.datasets.parts import PARTS
-from cospeech.weights import load_torchvision
 
 STRIDE = 16  # s in thesis 3.3.4: image pixels per heatmap pixel, along one side
 EXPANSION = 4  # a bottleneck's output channels over its width

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.learning.weights import OnnxNetwork
 from cospeech.posenet.camera import DEFAULT_MARGIN, camera_matrix, person_crop
-from cospeech.weights import OnnxNetwork
 
 AT_ONCE = 64  # crops in one run of the network, which bounds its memory
 

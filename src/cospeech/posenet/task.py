@@ -1,4 +1,4 @@
-"""Training of the pose network (thesis 3.4.2): 2D heatmaps first, then every loss, for `cospeech.training.train`.
+"""Training of the pose network (thesis 3.4.2): 2D heatmaps first, then every loss, for `learning.training.train`.
 
 A mini-batch of the second stage mixes people with 3D labels (studio) and people with 2D labels alone (wild); which loss
 acts on whom is `losses.total_loss`'s business.
@@ -17,12 +17,12 @@ import torch
 
 from cospeech import files
 from cospeech.errors import CospeechError
+from cospeech.learning.training import autocast, descend, device, finish, train
+from cospeech.learning.weights import save_weights
 from cospeech.posenet.curve import POINTS, LearningCurve, write_history
 from cospeech.posenet.loader import Loader, Mixture
 from cospeech.posenet.losses import LIFTING, PRETRAINING, Labels, Weights, total_loss
 from cospeech.posenet.network import DESIGNS, Output, PoseNet, heatmap_targets, images_of, load_imagenet
-from cospeech.training import autocast, descend, device, finish, train
-from cospeech.weights import save_weights
 
 AUGMENT = {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0, "occlude": 0.0, "blur": 0.0}
 STAGES = ("pretraining", "lifting", "training")
@@ -106,7 +106,7 @@ class Settings:
 
 
 class PoseTask:
-    """The stages as one `cospeech.training.Task`.
+    """The stages as one `cospeech.learning.training.Task`.
 
     people : `loader.Mixture`. imagenet : path of ResNet-50 weights, or None. test : stores of people to draw the
     learning curve with, or None. `total` iterations make the whole training.

@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from cospeech.gestures.ha2g.recurrence import Recurrence
+from cospeech.learning.recurrence import Recurrence
 
 
 class GRU(nn.GRU):

@@ -18,8 +18,8 @@ from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
 from cospeech.gestures.ha2g.style import StyleCoordinator, blend, draw, style_of_speakers
 from cospeech.gestures.ha2g.task import AdversarialTask
 from cospeech.gestures.ha2g.text import TextEncoder
-from cospeech.settings import settings_of
-from cospeech.training import device
+from cospeech.learning.settings import settings_of
+from cospeech.learning.training import device
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class HA2G(nn.Module):
 
 
 class HA2GTask(AdversarialTask):
-    """Training of HA2G, for `cospeech.training.train`: all of it in one optimiser, the discriminator in another."""
+    """Training of HA2G, for `learning.training.train`: all of it in one optimiser, the discriminator in another."""
 
     model = "ha2g"
 

@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from cospeech.errors import CospeechError, notice
 from cospeech.gestures.ha2g.audio import scaled
-from cospeech.weights import load_torchvision
+from cospeech.learning.weights import load_torchvision
 
 CHANNELS = (64, 128, 256, 512)  # of ResNet-18's four stages, of two blocks each (He et al. 2016, Table 1)
 STRIDE = 32  # pixels of a picture per element of the last stage's map, along one side
@@ -92,7 +92,7 @@ def export_identity(weights, path):
     weights : its weights.safetensors. The network takes `pictures` (N, 3, side, side), RGB from 0 to 255, and returns
     each picture's `mean` and `log_variance`, (N, size).
     """
-    from cospeech.weights import export_onnx, load_weights
+    from cospeech.learning.weights import export_onnx, load_weights
 
     arrays, about = load_weights(weights)
     if "picture" not in about:

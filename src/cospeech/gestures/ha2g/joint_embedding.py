@@ -16,8 +16,8 @@ from cospeech.gestures.ha2g.generator import HIDDEN
 from cospeech.gestures.ha2g.gru import GRU
 from cospeech.gestures.ha2g.task import WindowTask
 from cospeech.gestures.ha2g.text import TextEncoder
-from cospeech.settings import settings_of
-from cospeech.training import descend
+from cospeech.learning.settings import settings_of
+from cospeech.learning.training import descend
 
 EMBEDDED = 32  # numbers of the joint embedding
 CONVOLVED = FRAMES // 2 - 5  # frames left by the pose encoder's convolutions: two of kernel 3, a stride of 2, one of 3
@@ -101,7 +101,7 @@ class JointEmbedding(nn.Module):
 
 
 class JointEmbeddingTask(WindowTask):
-    """Training of Joint Embedding, for `cospeech.training.train`: every iteration from speech or from poses."""
+    """Training of Joint Embedding, for `learning.training.train`: every iteration from speech or from poses."""
 
     model = "joint_embedding"
     heard = ("wave", "words")

@@ -11,7 +11,7 @@ from cospeech.gestures.ha2g.corpus import FRAMES
 from cospeech.gestures.ha2g.gru import GRU
 from cospeech.gestures.ha2g.task import WindowTask
 from cospeech.gestures.ha2g.text import EMBEDDING, word_embedding
-from cospeech.settings import settings_of
+from cospeech.learning.settings import settings_of
 
 HIDDEN = 200
 
@@ -83,7 +83,7 @@ def terms_of(poses, real):
 
 
 class Seq2SeqTask(WindowTask):
-    """Training of Seq2Seq, for `cospeech.training.train`."""
+    """Training of Seq2Seq, for `cospeech.learning.training.train`."""
 
     model = "seq2seq"
     heard = ("words",)

@@ -14,7 +14,7 @@ from cospeech.gestures.ha2g.audio import scaled
 from cospeech.gestures.ha2g.corpus import FRAMES, SEED_FRAMES
 from cospeech.gestures.ha2g.losses import fool_least_squares, judge_least_squares
 from cospeech.gestures.ha2g.task import AdversarialTask
-from cospeech.settings import settings_of
+from cospeech.learning.settings import settings_of
 
 SLOPE = 0.2
 SEED_FEATURES = 16
@@ -127,7 +127,7 @@ class PatchDiscriminator(nn.Module):
 
 
 class Speech2GestureTask(AdversarialTask):
-    """Training of Speech2Gesture, for `cospeech.training.train`."""
+    """Training of Speech2Gesture, for `cospeech.learning.training.train`."""
 
     model = "speech2gesture"
     heard = ("s2g_mel",)

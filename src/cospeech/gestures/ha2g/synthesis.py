@@ -15,9 +15,9 @@ from cospeech.gestures.ha2g.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
 from cospeech.gestures.ha2g.levels import level_table
 from cospeech.gestures.ha2g.references import SUFFIX, ReferenceFrames
 from cospeech.gestures.ha2g.vocabulary import Vocabulary
+from cospeech.learning.weights import OnnxNetwork
 from cospeech.speech.mel import COLUMNS, HOP, S2G_COLUMNS, S2G_HOP, column_at, log_mel, log_mel_s2g
 from cospeech.speech.mfcc import RATE
-from cospeech.weights import OnnxNetwork
 
 HOP_FRAMES = FRAMES - SEED_FRAMES  # from one unit's first frame to the next one's
 STARTS = 64  # beginnings of training windows that a model keeps to start from
@@ -37,8 +37,8 @@ def train_shared(model, corpus, settings, *, seed, folder, imagenet=None, checkp
     import torch
 
     from cospeech.gestures.ha2g.models import ha2g_task
-    from cospeech.training import finish, train
-    from cospeech.weights import export_onnx, save_weights
+    from cospeech.learning.training import finish, train
+    from cospeech.learning.weights import export_onnx, save_weights
 
     if threads:
         torch.set_num_threads(threads)

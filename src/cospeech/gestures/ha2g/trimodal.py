@@ -16,7 +16,7 @@ from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
 from cospeech.gestures.ha2g.style import SpeakerStyle, draw
 from cospeech.gestures.ha2g.task import AdversarialTask
 from cospeech.gestures.ha2g.text import TextEncoder
-from cospeech.settings import settings_of
+from cospeech.learning.settings import settings_of
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Trimodal(nn.Module):
 
 
 class TrimodalTask(AdversarialTask):
-    """Training of Trimodal, for `cospeech.training.train`."""
+    """Training of Trimodal, for `cospeech.learning.training.train`."""
 
     model = "trimodal"
     heard = ("wave", "words", "speaker")

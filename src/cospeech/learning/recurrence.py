@@ -17,7 +17,7 @@ import torch
 from numba import njit
 from torch.nn import functional as F
 
-from cospeech.multiply import COLUMNS, ROWS, multiply_tile
+from cospeech.learning.multiply import COLUMNS, ROWS, multiply_tile
 
 ONE, TWO, HALF, FAR = np.float32(1), np.float32(2), np.float32(0.5), np.float32(9)
 # Lambert's continued fraction of tanh, seven deep, as a quotient of polynomials of the square.

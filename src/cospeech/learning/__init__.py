@@ -1,0 +1,1 @@
+"""How networks are trained and kept: the loop, its settings, windows, weights, and what several networks share."""
