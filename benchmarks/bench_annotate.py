@@ -15,10 +15,10 @@ from person import make_track
 from cospeech.capture.annotate import annotate
 from cospeech.capture.assemble import assemble
 from cospeech.capture.cleanup import Cleanup, clean
-from cospeech.capture.face_model import embedded
-from cospeech.capture.face_solver import State, predict, smoothed_step, start
 from cospeech.capture.fill import fill_joints
 from cospeech.capture.fit_face import FitSettings, _basis, _landmarks, fit_track
+from cospeech.face.model import embedded
+from cospeech.face.solver import State, predict, smoothed_step, start
 
 SECONDS, RATE = 60.0, 30.0
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from cospeech.clip import Clip
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.render.figure import BACKGROUND, Figure, framing
 from cospeech.render.raster import SAMPLES, Painter
 from cospeech.render.video import render_video

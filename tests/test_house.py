@@ -10,8 +10,8 @@ import cospeech
 SOURCE = Path(cospeech.__file__).parent
 # Top to bottom: a module may import from its own room and from those above it.
 ORDER = [
-    *("errors", "files", "skeleton", "rotation", "animation", "face", "clip", "track"),
-    *("speech", "formats", "capture"),
+    *("errors", "files", "skeleton", "rotation", "animation", "clip", "track"),
+    *("face", "speech", "formats", "capture"),
     *("learning", "split"),
     *("posenet", "gestures", "matching", "synthesis"),
     *("evaluation", "render", "study", "demo", "describe", "commands", "cli"),

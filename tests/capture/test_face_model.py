@@ -6,11 +6,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.io import savemat
 
-from cospeech.capture.face_layouts import convert
-from cospeech.capture.face_model import FaceModel, embedded
 from cospeech.cli import main
 from cospeech.errors import CospeechError
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
+from cospeech.face.layouts import convert
+from cospeech.face.model import FaceModel, embedded
 
 FACE = embedded()
 REST = FACE.mean[FACE.landmarks]

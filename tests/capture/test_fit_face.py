@@ -7,10 +7,10 @@ from person import head, make_track
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.face_model import FaceModel, embedded
-from cospeech.capture.face_solver import Basis, Landmarks, State, predict, smoothed_step, step
 from cospeech.capture.fit_face import FitSettings, fit_landmarks, fit_track, smooth_boxes
 from cospeech.errors import CospeechError
+from cospeech.face.model import FaceModel, embedded
+from cospeech.face.solver import Basis, Landmarks, State, predict, smoothed_step, step
 
 CAMERA = (1500.0, 1500.0, 960.0, 540.0)
 SHOWN = ("jaw_open", "mouth_smile_left", "mouth_smile_right", "brow_inner_up")

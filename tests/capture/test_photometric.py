@@ -6,8 +6,6 @@ import torch
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.face_model import embedded
-from cospeech.capture.face_solver import AXES
 from cospeech.capture.photometric import (
     explain,
     fit_light,
@@ -17,6 +15,8 @@ from cospeech.capture.photometric import (
     shade,
     vertex_normals,
 )  # fmt: skip
+from cospeech.face.model import embedded
+from cospeech.face.solver import AXES
 
 CAMERA = (700.0, 700.0, 160.0, 160.0)
 

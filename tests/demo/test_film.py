@@ -14,7 +14,7 @@ from cospeech.demo.film import SETTINGS, build_set, draw_take, film_take
 from cospeech.demo.take import read_motion
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.evaluation.fgd import Settings, train_feature_net
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.skeleton import RIGHT_HAND, UPPER55
 
 SECONDS, SIZE = 5.0, (160, 120)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from cospeech.demo import write_take
 from cospeech.demo.lexicon import lexicon, speaker_parameters
 from cospeech.demo.motion import interpolate
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.skeleton import UPPER55, to_parent_relative
 
 SECONDS, FPS = 120.0, 60

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cospeech.capture.face_model import FaceModel, embedded
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.evaluation.lips import LipErrors, judge_lips, lip_distances, lip_error, write_table
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
+from cospeech.face.model import FaceModel, embedded
 from tests.conftest import make_clip
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.formats.export import export_clip
 from cospeech.formats.ik import NAMES, SOURCES, animation_from_clip
 from cospeech.skeleton import UPPER55

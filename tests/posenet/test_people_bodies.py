@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.posenet.people import faces
 from cospeech.posenet.people.anthropometry import INDEX, draw_build
 from cospeech.posenet.people.dice import Dice

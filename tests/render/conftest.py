@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cospeech.clip import Clip, Words
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55
 from tests.render.browser import Browser, chromium
 

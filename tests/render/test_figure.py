@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cospeech.capture.face_model import FaceModel, embedded
 from cospeech.errors import CospeechError
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
+from cospeech.face.model import FaceModel, embedded
 from cospeech.render.figure import BACKGROUND, Figure, framing
 from cospeech.render.head import Head, face_of
 from cospeech.render.mesh import capsule_template, capsules

@@ -5,8 +5,8 @@ from job import job, snakemake
 with job():
     from cospeech.capture.annotate import annotate
     from cospeech.capture.bones import read_bones
-    from cospeech.capture.face_model import FaceModel
     from cospeech.capture.refusal import clip_or_refusal
+    from cospeech.face.model import FaceModel
     from cospeech.formats.mocap import cut_words
     from cospeech.render.quality import write_page
     from cospeech.speech import read_words

@@ -8,13 +8,13 @@ with job():
     import torch
     from sections import sections
 
-    from cospeech.capture.face_model import FaceModel
     from cospeech.clip import Clip
     from cospeech.evaluation.comparison import compare
     from cospeech.evaluation.evaluate import Reference
     from cospeech.evaluation.fgd import FeatureNet
     from cospeech.evaluation.sync_classifier import SyncClassifier
     from cospeech.evaluation.tables import write_hdf5
+    from cospeech.face.model import FaceModel
     from cospeech.speech import load_audio
     from cospeech.synthesis import load_network
 

@@ -7,9 +7,9 @@ from job import job, snakemake
 with job():
     from sections import sections
 
-    from cospeech.capture.face_model import FaceModel
     from cospeech.clip import Clip
     from cospeech.evaluation.lips import judge_lips
+    from cospeech.face.model import FaceModel
 
     files, made = snakemake.input, {}
     for path in map(Path, [*files.ground_truth, *files.models]):

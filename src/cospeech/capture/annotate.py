@@ -6,12 +6,12 @@ import numpy as np
 
 from cospeech.capture.assemble import HANDS, assemble, in_metres
 from cospeech.capture.cleanup import RATE, Cleanup, clean
-from cospeech.capture.face_model import EMBEDDED, embedded
 from cospeech.capture.fit_face import fit_track
 from cospeech.capture.quality import judge
 from cospeech.capture.stretch import Face
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError, notice
+from cospeech.face.model import EMBEDDED, embedded
 from cospeech.formats.mocap import cut_words
 from cospeech.skeleton import UPPER55
 

@@ -13,10 +13,10 @@ import yaml
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture import face_solver as solver
-from cospeech.capture.face_model import LANDMARKS, embedded
-from cospeech.capture.face_solver import AXES, Basis, Landmarks
 from cospeech.errors import CospeechError
+from cospeech.face import solver
+from cospeech.face.model import LANDMARKS, embedded
+from cospeech.face.solver import AXES, Basis, Landmarks
 
 IDENTITY_FRAMES = 12, 48  # from the fourth part of a take's frames, spread over it, but so many, the identity is found
 INDEPENDENT = 4.0  # as how many they count: how a model fails to fit a face is the same in all of them

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.face_solver import AXES
+from cospeech.face.solver import AXES
 
 BANDS = 9  # real spherical harmonics of degree 0, 1 and 2
 # RGB of the embedded model's regions; skin where a model names none

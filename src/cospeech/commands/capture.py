@@ -101,7 +101,7 @@ def _annotate(options):
     """Clean a track, fit the face, measure the speech, and write the take as a clip."""
     from cospeech.capture.annotate import annotate
     from cospeech.capture.bones import read_bones
-    from cospeech.capture.face_model import FaceModel
+    from cospeech.face.model import FaceModel
     from cospeech.track import Track
 
     for path in filter(None, (options.out, options.quality)):
@@ -129,7 +129,7 @@ def _annotate(options):
 
 def _face_model(options):
     """Convert a 3D morphable face model from a usual layout into our own file, with a note of its licence."""
-    from cospeech.capture.face_layouts import convert, read_landmarks
+    from cospeech.face.layouts import convert, read_landmarks
 
     landmarks = read_landmarks(options.landmarks) if options.landmarks else None
     model = convert(options.file, units=options.units, landmarks=landmarks, licence=options.licence)

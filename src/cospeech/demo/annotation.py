@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.face_model import embedded
 from cospeech.errors import CospeechError, notice
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
+from cospeech.face.model import embedded
 from cospeech.files import writing
 from cospeech.skeleton import BODY, LEFT_HAND, RIGHT_HAND, UPPER55
 

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.sparse import csr_array
 
 from cospeech.demo.motion import smooth_noise
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 
 ANTICIPATION = 0.03  # s by which the mouth leads the sound
 SPREAD = 0.045  # s of dominance outside the phoneme, standard deviation

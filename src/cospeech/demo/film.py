@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.face_model import embedded
 from cospeech.demo.lexicon import speaker_parameters
 from cospeech.demo.take import SCHEMA, read_motion
 from cospeech.errors import CospeechError
+from cospeech.face.model import embedded
 from cospeech.files import reading_hdf5
 from cospeech.posenet.people import Canvas, draw_appearance, faces, person_solids, raster, scenes, views
 from cospeech.posenet.people.dice import Dice

@@ -18,7 +18,7 @@ from cospeech.demo.prosody import measure_prosody
 from cospeech.demo.script import monologue
 from cospeech.demo.voice import speak
 from cospeech.errors import CospeechError
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.files import put, reading_hdf5, sha256, writing_hdf5
 from cospeech.skeleton import UPPER55, bone_lengths, with_bone_lengths
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cospeech.capture.face_model import embedded
 from cospeech.errors import CospeechError, notice
 from cospeech.evaluation.tables import number
+from cospeech.face.model import embedded
 from cospeech.files import put, reading_hdf5, writing, writing_hdf5
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.face import expression_names
+from cospeech.face.expressions import expression_names
 from cospeech.files import writing
 from cospeech.skeleton import UPPER55
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from cospeech.capture.face_model import embedded
+from cospeech.face.model import embedded
 from cospeech.render.head import HEIGHT, Head
 from cospeech.render.lower import SHOE, ankles, check_posture, legs, props
 from cospeech.render.mesh import capsule_template, capsules, grid_triangles, rings, unit, vertex_normals

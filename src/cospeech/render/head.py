@@ -6,9 +6,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.face_model import EMBEDDED, FaceModel, embedded
-from cospeech.capture.face_shape import inside
 from cospeech.errors import CospeechError
+from cospeech.face.model import EMBEDDED, FaceModel, embedded
+from cospeech.face.shape import inside
 from cospeech.render.mesh import unit, vertex_normals
 from cospeech.render.skull import around_face
 

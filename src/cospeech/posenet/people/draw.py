@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.posenet.people import faces, raster, scenes
 from cospeech.posenet.people.anthropometry import INDEX, JOINTS61, TABLE, draw_build
 from cospeech.posenet.people.dice import Dice

@@ -6,7 +6,7 @@ import numpy as np
 import yaml
 from scipy.spatial import Delaunay
 
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 
 TABLE = yaml.safe_load((files("cospeech.posenet.people") / "faces.yaml").read_text("utf-8"))
 HEIGHT = 0.224  # metres, chin to crown, of the head that the table describes

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.face import COSPEECH64
+from cospeech.face.expressions import COSPEECH64
 from cospeech.files import put, reading_hdf5, writing_hdf5
 
 SCHEMA = "cospeech.face_model"
@@ -104,12 +104,12 @@ class FaceModel:
     def load(cls, path=EMBEDDED):
         """The embedded model (`cospeech64`), or one of the user's: HDF5 as `write` makes it, or an npz of such names.
 
-        Other layouts are read by `face_layouts.convert`. Raises CospeechError for files that do not fit.
+        Other layouts are read by `layouts.convert`. Raises CospeechError for files that do not fit.
         """
         if str(path) == EMBEDDED:
             return embedded()
         if Path(path).suffix == ".npz":
-            from cospeech.capture.face_layouts import convert
+            from cospeech.face.layouts import convert
 
             return convert(path)
         with reading_hdf5(path, SCHEMA) as file:
@@ -128,8 +128,8 @@ ARRAYS = ("mean", "identity", "expression", "triangles", "landmarks", "lips", "i
 @cache
 def embedded():
     """Our own model, drawn by code: 64 named expressions and 32 ways in which faces differ. No scan, no licence."""
-    from cospeech.capture.face_bases import bases
-    from cospeech.capture.face_shape import sketch, table
+    from cospeech.face.bases import bases
+    from cospeech.face.shape import sketch, table
 
     numbers = table()
     face = sketch(numbers)

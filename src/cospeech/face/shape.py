@@ -41,7 +41,7 @@ class Sketch:
 
 def table():
     """The numbers of `data/face.yaml`."""
-    return yaml.safe_load((files("cospeech.capture") / "data" / "face.yaml").read_text("utf-8"))
+    return yaml.safe_load((files("cospeech.face") / "data" / "face.yaml").read_text("utf-8"))
 
 
 def sketch(numbers):

@@ -1,4 +1,4 @@
-"""Face models by name: what each expression coefficient of a clip means. Read from one table each (`faces/*.yaml`)."""
+"""Face models by name: what each expression coefficient of a clip means, from one table each (`coefficients/*.yaml`)."""
 
 from importlib.resources import files
 
@@ -7,7 +7,7 @@ import yaml
 
 def expression_names(model):
     """Names of the E expression coefficients of a face model, or None when the model has no table here."""
-    table = files("cospeech") / "faces" / f"{model}.yaml"
+    table = files("cospeech.face") / "coefficients" / f"{model}.yaml"
     return tuple(yaml.safe_load(table.read_text())["expressions"]) if model and table.is_file() else None
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from cospeech.capture.face_model import LANDMARKS, LIPS, FaceModel
 from cospeech.errors import CospeechError
+from cospeech.face.model import LANDMARKS, LIPS, FaceModel
 from cospeech.files import sha256
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6}  # metres

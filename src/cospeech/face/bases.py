@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cospeech.capture.face_shape import eye_center
+from cospeech.face.shape import eye_center
 
 MOUTH, CORNER = -66.0, 26.0  # mm: height of the line between the lips, and where it ends
 LID = 9.0  # mm around an eye that move with its lids
