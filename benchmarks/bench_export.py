@@ -11,8 +11,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from cospeech.animation import Animation
 from cospeech.clip import Clip
+from cospeech.formats.animation import Animation
 from cospeech.formats.bvh import write_bvh
 from cospeech.formats.glb import write_glb
 from cospeech.formats.ik import INDEX, NAMES, PARENTS, REST_DIRECTIONS, SOURCES, animation_from_clip

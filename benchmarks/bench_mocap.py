@@ -8,7 +8,7 @@ import numpy as np
 import pybvh
 from scipy.spatial.transform import Rotation, Slerp
 
-from cospeech.animation import Animation
+from cospeech.formats.animation import Animation
 from cospeech.formats.bvh import read_bvh, write_bvh
 from cospeech.rotation import from_euler, resample_rotations
 

@@ -10,11 +10,11 @@ import cospeech
 SOURCE = Path(cospeech.__file__).parent
 # Top to bottom: a module may import from its own room and from those above it.
 ORDER = [
-    *("errors", "files", "skeleton", "rotation", "animation", "clip", "track"),
+    *("errors", "files", "skeleton", "rotation", "clip", "track"),
     *("face", "speech", "formats", "capture"),
     *("learning", "split"),
     *("posenet", "gestures", "matching", "synthesis"),
-    *("evaluation", "render", "study", "demo", "describe", "commands", "cli"),
+    *("evaluation", "render", "study", "demo", "commands", "cli"),
 ]
 STRANGERS = [{"gestures", "matching"}, {"posenet", "gestures"}, {"posenet", "matching"}]  # do not know each other
 MODULES = sorted(SOURCE.rglob("*.py"))

@@ -9,7 +9,7 @@ import sys
 import warnings
 
 from cospeech import __version__
-from cospeech.commands import capture, database, files, generate, player, posenet, study
+from cospeech.commands import capture, clip_files, database, generate, player, posenet, study
 from cospeech.errors import CospeechError, CospeechNotice
 
 EXAMPLES = """examples:
@@ -50,7 +50,7 @@ def _parser():
     )  # fmt: skip
     parser.add_argument("--version", action="version", version=f"cospeech {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for group in (generate, capture, posenet, database, files, player, study):
+    for group in (generate, capture, posenet, database, clip_files, player, study):
         group.add(commands)
     return parser
 

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.animation import Animation
 from cospeech.clip import Clip
+from cospeech.formats.animation import Animation
 from cospeech.formats.ik import INDEX, NAMES, PARENTS, SOURCES
 from cospeech.skeleton import UPPER55
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cospeech.animation import Animation
 from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.formats.animation import Animation
 from cospeech.formats.bvh import read_bvh, write_bvh
 
 quiet = pytest.mark.filterwarnings("ignore::cospeech.errors.CospeechNotice")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cospeech.clip import Clip, Words
-from cospeech.describe import describe
+from cospeech.commands.describe import describe
 from cospeech.matching import KNN, Database
 from cospeech.matching.keywords import Keyword
 from cospeech.matching.tables import explain

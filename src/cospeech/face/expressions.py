@@ -1,4 +1,4 @@
-"""Face models by name: what each expression coefficient of a clip means, from one table each (`coefficients/*.yaml`)."""
+"""Face models by name: what each expression coefficient means, one table each (`coefficients/*.yaml`)."""
 
 from importlib.resources import files
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.animation import Animation
 from cospeech.errors import CospeechError, notice
 from cospeech.files import writing
+from cospeech.formats.animation import Animation
 from cospeech.rotation import from_euler
 
 # The rates that motion is recorded at, whole ones preferred.

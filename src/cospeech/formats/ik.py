@@ -13,7 +13,7 @@ import yaml
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from cospeech.animation import Animation
+from cospeech.formats.animation import Animation
 from cospeech.rotation import continuous, swing_twist
 from cospeech.skeleton import UPPER55
 

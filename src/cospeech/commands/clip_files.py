@@ -68,6 +68,6 @@ def _stretch(text):
 
 def _info(options):
     """Print what a file holds: its schema, attributes, arrays and, for weights, what they were trained as."""
-    from cospeech.describe import describe
+    from cospeech.commands.describe import describe
 
     print(describe(options.file))
