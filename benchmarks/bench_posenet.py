@@ -15,11 +15,11 @@ from torch import nn
 
 from cospeech.learning.training import autocast
 from cospeech.learning.weights import OnnxNetwork, export_onnx
+from cospeech.people.synthetic import write_people
 from cospeech.posenet import camera, metrics
 from cospeech.posenet.export import INPUT, OUTPUTS, Exported
 from cospeech.posenet.loader import Mixture
 from cospeech.posenet.network import Design, PoseNet, heatmap_targets, level
-from cospeech.posenet.synthetic import write_people
 from cospeech.posenet.task import PoseTask, Settings
 
 

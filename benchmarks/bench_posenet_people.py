@@ -9,9 +9,10 @@ import cv2
 import matplotlib
 import numpy as np
 
-from cospeech.posenet.people import Canvas, draw_appearance, make_people, person_solids, raster
-from cospeech.posenet.people.draw import LIGHT
-from cospeech.posenet.people.generate import draw_people
+from cospeech.people import Canvas, draw_appearance, make_people, person_solids
+from cospeech.people.batches import draw_people
+from cospeech.people.painting import raster
+from cospeech.people.painting.painter import LIGHT
 from cospeech.skeleton import UPPER55
 
 SIZE = 128

@@ -13,10 +13,12 @@ ORDER = [
     *("errors", "files", "skeleton", "rotation", "clip", "track"),
     *("face", "speech", "formats", "capture"),
     *("learning", "split"),
-    *("posenet", "gestures", "matching", "synthesis"),
+    *("posenet", "people", "gestures", "matching", "synthesis"),
     *("evaluation", "render", "study", "demo", "commands", "cli"),
 ]
-STRANGERS = [{"gestures", "matching"}, {"posenet", "gestures"}, {"posenet", "matching"}]  # do not know each other
+# Rooms that do not know each other.
+STRANGERS = [{room, other} for room in ("posenet", "people") for other in ("gestures", "matching")]
+STRANGERS.append({"gestures", "matching"})
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 

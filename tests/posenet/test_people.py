@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
+from cospeech.people import make_people
+from cospeech.people.batches import BLOCK, SEEN, _photograph, draw_people, photograph_people
+from cospeech.people.painting.solids import CODE, STRANGER, THING
 from cospeech.posenet import JOINTS21
 from cospeech.posenet.camera import camera_matrix, person_crop, project
 from cospeech.posenet.datasets.parts import PARTS
-from cospeech.posenet.people import make_people
-from cospeech.posenet.people.generate import BLOCK, SEEN, _photograph, draw_people, photograph_people
-from cospeech.posenet.people.solids import CODE, STRANGER, THING
 
 CASES = [(domain, part) for domain in ("studio", "wild") for part in ("body", "hand", "face")]
 SIZE = 96

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from cospeech.face.expressions import COSPEECH64
-from cospeech.posenet.people import faces
-from cospeech.posenet.people.anthropometry import INDEX, draw_build
-from cospeech.posenet.people.dice import Dice
-from cospeech.posenet.people.poses import Arm, Pose, draw_pose, pose_people
+from cospeech.people import faces
+from cospeech.people.anthropometry import INDEX, draw_build
+from cospeech.people.dice import Dice
+from cospeech.people.poses import Arm, Pose, draw_pose, pose_people
 
 COUNT = 600
 

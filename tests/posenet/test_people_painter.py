@@ -5,12 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
-from cospeech.posenet.people import Canvas, draw_appearance, draw_person, person_solids, raster
-from cospeech.posenet.people.anthropometry import INDEX, draw_build
-from cospeech.posenet.people.dice import Dice
-from cospeech.posenet.people.draw import head_axes
-from cospeech.posenet.people.poses import draw_pose, pose_people
-from cospeech.posenet.people.solids import CODE, Solids
+from cospeech.people import Canvas, draw_appearance, draw_person, person_solids
+from cospeech.people.anthropometry import INDEX, draw_build
+from cospeech.people.dice import Dice
+from cospeech.people.painting import raster
+from cospeech.people.painting.painter import head_axes
+from cospeech.people.painting.solids import CODE, Solids
+from cospeech.people.poses import draw_pose, pose_people
 
 K = np.array([[120.0, 0, 40], [0, 120.0, 32], [0, 0, 1]])
 LIGHT = np.array([0, 0, -1.0, 0.5, 0.5, 0.0])

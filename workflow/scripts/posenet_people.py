@@ -4,7 +4,7 @@ from job import job, snakemake
 
 with job():
     from cospeech.learning.settings import settings_of
-    from cospeech.posenet.synthetic import write_people
+    from cospeech.people.synthetic import write_people
     from cospeech.posenet.task import Settings
 
     settings = settings_of(Settings(), snakemake.params.settings, "posenet")

@@ -15,13 +15,14 @@ from cospeech.demo.take import SCHEMA, read_motion
 from cospeech.errors import CospeechError
 from cospeech.face.model import embedded
 from cospeech.files import reading_hdf5
-from cospeech.posenet.people import Canvas, draw_appearance, faces, person_solids, raster, scenes, views
-from cospeech.posenet.people.dice import Dice
-from cospeech.posenet.people.solids import THING, Solids
+from cospeech.people import Canvas, draw_appearance, faces, person_solids, views
+from cospeech.people.dice import Dice
+from cospeech.people.painting import raster, scenes
+from cospeech.people.painting.solids import THING, Solids
 from cospeech.skeleton import UPPER55
 from cospeech.track import Camera
 
-DOMAINS = ("studio", "wild")  # of `posenet.people`: an even wall, or wherever people film each other
+DOMAINS = ("studio", "wild")  # of `people`: an even wall, or wherever people film each other
 SETTINGS = ("plain", "desk", "company", "close")  # of take 0, 1, 2, 3, 4...: again from the first
 # The lowest and the highest point of the speaker's plane that the picture shows, metres above the pelvis at stature 1.
 SHOWN = {"plain": (-0.20, 0.86), "desk": (-0.14, 0.88), "company": (-0.20, 0.92), "close": (0.14, 0.84)}

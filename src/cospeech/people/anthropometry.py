@@ -8,7 +8,7 @@ import yaml
 
 from cospeech.skeleton import UPPER55
 
-TABLE = yaml.safe_load((files("cospeech.posenet.people") / "anthropometry.yaml").read_text("utf-8"))
+TABLE = yaml.safe_load((files("cospeech.people") / "anthropometry.yaml").read_text("utf-8"))
 LIMITS = {name: np.array(limit, float) for name, limit in TABLE["limits"].items()}
 LEGS = tuple(f"{side}_{joint}" for side in ("right", "left") for joint in ("knee", "ankle", "toe"))
 JOINTS61 = (*UPPER55.names, *LEGS)  # of every person here: the clip file's joints, then the legs

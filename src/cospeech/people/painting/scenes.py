@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 
-from cospeech.posenet.people import raster
-from cospeech.posenet.people.anthropometry import INDEX
-from cospeech.posenet.people.looks import colors
-from cospeech.posenet.people.solids import STRANGER, THING, Solids, unit
+from cospeech.people.anthropometry import INDEX
+from cospeech.people.painting import raster
+from cospeech.people.painting.looks import colors
+from cospeech.people.painting.solids import STRANGER, THING, Solids, unit
 
 STUDIO = np.array([[0.18, 0.62, 0.25], [0.72, 0.73, 0.74], [0.45, 0.50, 0.58], [0.86, 0.86, 0.85], [0.30, 0.31, 0.33]])
 

@@ -8,7 +8,7 @@ from scipy.spatial import Delaunay
 
 from cospeech.face.expressions import COSPEECH64
 
-TABLE = yaml.safe_load((files("cospeech.posenet.people") / "faces.yaml").read_text("utf-8"))
+TABLE = yaml.safe_load((files("cospeech.people") / "faces.yaml").read_text("utf-8"))
 HEIGHT = 0.224  # metres, chin to crown, of the head that the table describes
 # Each landmark's counterpart when left and right are swapped.
 TWIN = np.array([

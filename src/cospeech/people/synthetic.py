@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cospeech.posenet.people import make_people
+from cospeech.people import make_people
 from cospeech.posenet.store import write_store
 
 # Room around the network's crop, to turn and shift it in: hands and faces are looked for about a body's rough joints.

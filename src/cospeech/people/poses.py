@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.posenet.people.anthropometry import INDEX, JOINTS61, LIMITS
-from cospeech.posenet.people.hands import FINGERS, SHAPES, draw_shapes, hand_joints
-from cospeech.posenet.people.tables import POSES
+from cospeech.people.anthropometry import INDEX, JOINTS61, LIMITS
+from cospeech.people.hands import FINGERS, SHAPES, draw_shapes, hand_joints
+from cospeech.people.pose_table import POSES
 
 ARMS, POSTURES = POSES["arms"], POSES["postures"]
 HAND_JOINTS = [f"{finger}_{i}" for finger in (*FINGERS, "thumb") for i in range(4)]

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from cospeech.posenet.people.raster import CHECKS, OPENING, PATCHES, PLAIN
+from cospeech.people.painting.raster import CHECKS, OPENING, PATCHES, PLAIN
 
 BALD, SHORT, MEDIUM, LONG, BUN, CURLS = range(6)
 SKIN = np.array([

@@ -6,15 +6,16 @@ import cv2
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.people import faces, views
+from cospeech.people.anthropometry import INDEX, draw_build
+from cospeech.people.bodies import Figure, figure_solids
+from cospeech.people.dice import Dice
+from cospeech.people.heads import skull_center
+from cospeech.people.painting import raster, scenes
+from cospeech.people.painting.looks import draw_looks
+from cospeech.people.painting.solids import CODE, THING
+from cospeech.people.poses import ARMS, POSTURES, draw_pose, pose_people
 from cospeech.posenet.datasets.parts import PARTS as JOINT_SETS
-from cospeech.posenet.people import faces, raster, scenes, views
-from cospeech.posenet.people.anthropometry import INDEX, draw_build
-from cospeech.posenet.people.dice import Dice
-from cospeech.posenet.people.figure import Figure, figure_solids
-from cospeech.posenet.people.head import skull_center
-from cospeech.posenet.people.looks import draw_looks
-from cospeech.posenet.people.poses import ARMS, POSTURES, draw_pose, pose_people
-from cospeech.posenet.people.solids import CODE, THING
 from cospeech.posenet.samples import Batch
 
 DOMAINS = ("studio", "wild")

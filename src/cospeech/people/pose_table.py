@@ -4,4 +4,4 @@ from importlib.resources import files
 
 import yaml
 
-POSES = yaml.safe_load((files("cospeech.posenet.people") / "poses.yaml").read_text("utf-8"))
+POSES = yaml.safe_load((files("cospeech.people") / "poses.yaml").read_text("utf-8"))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cospeech.posenet.people.faces import HEIGHT, TRIANGLES, normals
-from cospeech.posenet.people.looks import BALD, BUN, CURLS, LONG, MEDIUM
+from cospeech.people.faces import HEIGHT, TRIANGLES, normals
+from cospeech.people.painting.looks import BALD, BUN, CURLS, LONG, MEDIUM
 
 SKULL, HALF = (0.0, 0.022, -0.010), np.array([0.0745, 0.089, 0.097])  # metres, of a head of HEIGHT
 HAIRLINE = (np.array([0.0, -1.0, 0.625]), -0.1)  # through forehead, ears and nape of the unit sphere

@@ -15,13 +15,14 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.face.expressions import COSPEECH64
-from cospeech.posenet.people import faces, raster, scenes
-from cospeech.posenet.people.anthropometry import INDEX, JOINTS61, TABLE, draw_build
-from cospeech.posenet.people.dice import Dice
-from cospeech.posenet.people.figure import Figure, figure_solids
-from cospeech.posenet.people.head import skull_center
-from cospeech.posenet.people.looks import Looks, draw_looks
-from cospeech.posenet.people.solids import unit
+from cospeech.people import faces
+from cospeech.people.anthropometry import INDEX, JOINTS61, TABLE, draw_build
+from cospeech.people.bodies import Figure, figure_solids
+from cospeech.people.dice import Dice
+from cospeech.people.heads import skull_center
+from cospeech.people.painting import raster, scenes
+from cospeech.people.painting.looks import Looks, draw_looks
+from cospeech.people.painting.solids import unit
 from cospeech.skeleton import UPPER55
 
 LIGHT = np.array([-0.30, -0.60, -0.74, 0.38, 0.67, 0.25])  # a soft key light from the upper left

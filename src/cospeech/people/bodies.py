@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cospeech.posenet.people.anthropometry import INDEX
-from cospeech.posenet.people.hands import FINGERS
-from cospeech.posenet.people.head import add_head, skull_center
-from cospeech.posenet.people.solids import Solids, unit
+from cospeech.people.anthropometry import INDEX
+from cospeech.people.hands import FINGERS
+from cospeech.people.heads import add_head, skull_center
+from cospeech.people.painting.solids import Solids, unit
 
 TRUNK = 0.50  # metres from pelvis over spine to neck of the person that the sizes below describe
 

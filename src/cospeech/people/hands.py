@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cospeech.posenet.people.anthropometry import LIMITS, TABLE
-from cospeech.posenet.people.tables import POSES
+from cospeech.people.anthropometry import LIMITS, TABLE
+from cospeech.people.pose_table import POSES
 
 FINGERS = ("index", "middle", "ring", "little")
 SHAPES = {name: np.array(values) for name, values in POSES["hands"].items()}

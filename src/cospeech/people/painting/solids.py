@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cospeech.posenet.people import raster
+from cospeech.people.painting import raster
 
 PARTS = (
     "nothing", "trunk", "neck", "head", "hair", "right_upper_arm", "right_forearm", "right_hand", "left_upper_arm",
