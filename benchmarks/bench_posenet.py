@@ -16,11 +16,12 @@ from torch import nn
 from cospeech.learning.training import autocast
 from cospeech.learning.weights import OnnxNetwork, export_onnx
 from cospeech.people.synthetic import write_people
-from cospeech.posenet import camera, metrics
-from cospeech.posenet.export import INPUT, OUTPUTS, Exported
-from cospeech.posenet.loader import Mixture
+from cospeech.posenet import camera
+from cospeech.posenet.evaluation import pose_metrics as metrics
 from cospeech.posenet.network import Design, PoseNet, heatmap_targets, level
-from cospeech.posenet.task import PoseTask, Settings
+from cospeech.posenet.onnx_export import INPUT, OUTPUTS, Exported
+from cospeech.posenet.training.loader import Mixture
+from cospeech.posenet.training.stages import PoseTask, Settings
 
 
 def seconds(function, repeat=5):

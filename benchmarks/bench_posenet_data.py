@@ -12,12 +12,12 @@ import h5py
 import numpy as np
 import torch
 
-from cospeech.posenet import losses
-from cospeech.posenet.augment import augment
 from cospeech.posenet.camera import camera_matrix, person_crop
 from cospeech.posenet.network import PoseNet
 from cospeech.posenet.samples import Batch
 from cospeech.posenet.store import Store, write_store
+from cospeech.posenet.training import pose_losses as losses
+from cospeech.posenet.training.augment import augment
 
 COUNT, SIDE, SIZE, BATCH = 256, 384, 256, 10
 

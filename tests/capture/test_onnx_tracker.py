@@ -252,8 +252,8 @@ def test_poses_are_turned_from_the_crops_camera_into_the_films(tmp_path):
 
 def test_our_own_networks_are_one_more_manifest(tmp_path):
     """What the pose network's export writes: body from the whole picture, each hand about its wrist, left mirrored."""
-    from cospeech.posenet.export import manifest_of
     from cospeech.posenet.network import DESIGNS
+    from cospeech.posenet.onnx_export import manifest_of
 
     rng = np.random.default_rng(0)
     truth = {}

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from cospeech.learning.weights import save_weights
-from cospeech.posenet.export import export_posenet
 from cospeech.posenet.network import DESIGNS, PoseNet
+from cospeech.posenet.onnx_export import export_posenet
 
 SIZE = 32
 POSE = np.zeros((21, 3))  # of the constant networks, in their unit

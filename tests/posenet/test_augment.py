@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech.posenet import EVALUATED, JOINTS21
-from cospeech.posenet.augment import augment, center, transform
 from cospeech.posenet.camera import project
 from cospeech.posenet.datasets.parts import PARTS
 from cospeech.posenet.samples import Batch
+from cospeech.posenet.training.augment import augment, center, transform
 from tests.posenet import owners
 
 HEATMAPS = JOINTS21.joints(*EVALUATED)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
-from cospeech.posenet import JOINTS17, camera, metrics
+from cospeech.posenet import JOINTS17, camera
+from cospeech.posenet.evaluation import pose_metrics as metrics
 from cospeech.skeleton import from_parent_relative
 
 K = camera.camera_matrix(1499.2, 2048, 2048)  # of test sequences 1 to 4

@@ -7,11 +7,12 @@ import pytest
 
 from cospeech import cli
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.posenet import EVALUATED, JOINTS17, JOINTS21, JOINTS28, metrics
-from cospeech.posenet.augment import augment
+from cospeech.posenet import EVALUATED, JOINTS17, JOINTS21, JOINTS28
 from cospeech.posenet.datasets.lsp import LSP14
+from cospeech.posenet.evaluation import pose_metrics as metrics
 from cospeech.posenet.prepare import FEW, prepare
 from cospeech.posenet.store import Store
+from cospeech.posenet.training.augment import augment
 from tests.posenet import owners
 
 

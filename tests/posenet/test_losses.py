@@ -3,9 +3,15 @@
 import pytest
 import torch
 
-from cospeech.posenet import losses
-from cospeech.posenet.losses import bone_length_loss, bone_vector_loss, heatmap_loss, pose_loss, projection_loss
 from cospeech.posenet.network import Output
+from cospeech.posenet.training import pose_losses as losses
+from cospeech.posenet.training.pose_losses import (
+    bone_length_loss,
+    bone_vector_loss,
+    heatmap_loss,
+    pose_loss,
+    projection_loss,
+)
 
 NAN = float("nan")
 CHAIN = (-1, 0, 1)  # three joints in a row

@@ -8,8 +8,9 @@ import torch
 from safetensors.torch import save_file
 
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.posenet import EVALUATED, JOINTS21, losses
+from cospeech.posenet import EVALUATED, JOINTS21
 from cospeech.posenet.network import DESIGNS, Design, PoseNet, heatmap_peaks, heatmap_targets, load_imagenet
+from cospeech.posenet.training import pose_losses as losses
 
 TINY = Design(input=64, blocks=(1, 1, 2), width=8, free=18, latent=64, camera=16)
 

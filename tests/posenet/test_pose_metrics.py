@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
-from cospeech.posenet import EVALUATED, JOINTS17, metrics
+from cospeech.posenet import EVALUATED, JOINTS17
+from cospeech.posenet.evaluation import pose_metrics as metrics
 
 seeds = st.integers(0, 10**6)
 few = settings(max_examples=40, deadline=None)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError
-from cospeech.posenet.ablation import TITLES, write_table
-from cospeech.posenet.evaluate import evaluate
+from cospeech.posenet.evaluation.ablation import TITLES, write_table
+from cospeech.posenet.evaluation.accuracy import evaluate
 from cospeech.posenet.store import Store, write_store
-from cospeech.posenet.task import ROWS
+from cospeech.posenet.training.stages import ROWS
 from tests.posenet.conftest import POSE
 from tests.posenet.stick_people import write_stick_people
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech.posenet.augment import augment, augment_labels
-from cospeech.posenet.curve import LearningCurve, learning_curve
-from cospeech.posenet.evaluate import scores
-from cospeech.posenet.loader import Mixture
+from cospeech.posenet.evaluation.accuracy import scores
 from cospeech.posenet.network import heatmap_peaks
 from cospeech.posenet.store import Store
-from cospeech.posenet.task import LIFTED, PoseTask, Settings, train_posenet
+from cospeech.posenet.training.augment import augment, augment_labels
+from cospeech.posenet.training.curve import LearningCurve, learning_curve
+from cospeech.posenet.training.loader import Mixture
+from cospeech.posenet.training.stages import LIFTED, PoseTask, Settings, train_posenet
 from tests.posenet.stick_people import stick_people, write_stick_people
 
 TINY = Settings(

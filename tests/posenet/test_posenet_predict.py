@@ -15,8 +15,8 @@ from cospeech.errors import CospeechError
 from cospeech.posenet import JOINTS21
 from cospeech.posenet.camera import camera_matrix
 from cospeech.posenet.draw import SIDES, draw_pose
-from cospeech.posenet.export import load_network
 from cospeech.posenet.network import DESIGNS
+from cospeech.posenet.onnx_export import load_network
 from cospeech.posenet.predict import PosePredictor, assumed_camera, box_of
 from tests.posenet.conftest import POSE, SIZE
 

@@ -15,7 +15,7 @@ from configuration import check, read_configuration, read_yaml
 
 from cospeech.errors import CospeechError
 from cospeech.learning.settings import settings_of
-from cospeech.posenet.task import Settings
+from cospeech.posenet.training.stages import Settings
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from safetensors.torch import load_file
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.learning import training
 from cospeech.learning.training import History
-from cospeech.posenet.loader import Loader, Mixture
 from cospeech.posenet.network import PoseNet
 from cospeech.posenet.store import Store, write_store
-from cospeech.posenet.task import ROWS, PoseTask, Settings, train_posenet
+from cospeech.posenet.training.loader import Loader, Mixture
+from cospeech.posenet.training.stages import ROWS, PoseTask, Settings, train_posenet
 from tests.posenet.stick_people import BACKGROUND, stick_people, write_stick_people
 
 TINY = Settings(

@@ -3,7 +3,7 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.posenet.evaluate import evaluate
+    from cospeech.posenet.evaluation.accuracy import evaluate
 
     evaluation = evaluate(snakemake.input.network, snakemake.input.people, snakemake.threads)
     print(*evaluation.lines(), sep="\n")

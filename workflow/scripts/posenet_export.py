@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.posenet.export import export_posenet
+    from cospeech.posenet.onnx_export import export_posenet
 
     export_posenet(snakemake.input.weights, snakemake.output.network, snakemake.output.manifest)

@@ -5,7 +5,7 @@ from job import job, snakemake
 with job():
     from cospeech.learning.settings import settings_of
     from cospeech.people.synthetic import write_people
-    from cospeech.posenet.task import Settings
+    from cospeech.posenet.training.stages import Settings
 
     settings = settings_of(Settings(), snakemake.params.settings, "posenet")
     part = snakemake.wildcards.part

@@ -6,9 +6,9 @@ from job import job, snakemake
 
 with job():
     from cospeech.learning.settings import settings_of
-    from cospeech.posenet.evaluate import evaluate
-    from cospeech.posenet.export import export_posenet
-    from cospeech.posenet.task import Settings, train_posenet
+    from cospeech.posenet.evaluation.accuracy import evaluate
+    from cospeech.posenet.onnx_export import export_posenet
+    from cospeech.posenet.training.stages import Settings, train_posenet
 
     files, made = snakemake.input, snakemake.output
     train_posenet(

@@ -6,7 +6,7 @@ from job import job, snakemake
 
 with job():
     from cospeech.learning.settings import settings_of
-    from cospeech.posenet.task import Settings, train_posenet
+    from cospeech.posenet.training.stages import Settings, train_posenet
 
     train_posenet(
         snakemake.input.people,

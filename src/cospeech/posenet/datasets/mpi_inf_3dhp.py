@@ -27,7 +27,7 @@ from cospeech.posenet.datasets.reading import (
     seen,
     skipping,
 )  # fmt: skip
-from cospeech.posenet.metrics import SCENES
+from cospeech.posenet.evaluation.pose_metrics import SCENES
 from cospeech.posenet.samples import Sample
 
 SCALES = {"universal": "univ_annot3", "metric": "annot3"}

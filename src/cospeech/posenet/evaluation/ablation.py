@@ -12,7 +12,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.files import reading_hdf5, writing
-from cospeech.posenet.evaluate import METRICS, SCHEMA
+from cospeech.posenet.evaluation.accuracy import METRICS, SCHEMA
 
 TITLES = {
     "baseline": "baseline (direct 3D prediction + bone loss)",

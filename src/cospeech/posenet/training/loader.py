@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.posenet.augment import augment, augment_labels
 from cospeech.posenet.samples import Batch
 from cospeech.posenet.store import LABELS, Store
+from cospeech.posenet.training.augment import augment, augment_labels
 
 IN_MEMORY = 1 << 30  # bytes: a store whose decoded crops are fewer is decoded once, which is nine tenths of reading it
 

@@ -5,10 +5,10 @@ import torch
 
 from cospeech.files import put, reading_hdf5, writing_hdf5
 from cospeech.learning.training import HISTORY_SCHEMA, autocast, device
-from cospeech.posenet.augment import center
-from cospeech.posenet.evaluate import scores
+from cospeech.posenet.evaluation.accuracy import scores
 from cospeech.posenet.network import images_of
 from cospeech.posenet.store import Store
+from cospeech.posenet.training.augment import center
 
 PEOPLE = 300  # of each domain, evenly spaced through the store; the same at every point
 POINTS = 10  # evenly spaced through a training

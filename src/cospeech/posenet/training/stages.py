@@ -19,10 +19,10 @@ from cospeech import files
 from cospeech.errors import CospeechError
 from cospeech.learning.training import autocast, descend, device, finish, train
 from cospeech.learning.weights import save_weights
-from cospeech.posenet.curve import POINTS, LearningCurve, write_history
-from cospeech.posenet.loader import Loader, Mixture
-from cospeech.posenet.losses import LIFTING, PRETRAINING, Labels, Weights, total_loss
 from cospeech.posenet.network import DESIGNS, Output, PoseNet, heatmap_targets, images_of, load_imagenet
+from cospeech.posenet.training.curve import POINTS, LearningCurve, write_history
+from cospeech.posenet.training.loader import Loader, Mixture
+from cospeech.posenet.training.pose_losses import LIFTING, PRETRAINING, Labels, Weights, total_loss
 
 AUGMENT = {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0, "occlude": 0.0, "blur": 0.0}
 STAGES = ("pretraining", "lifting", "training")

@@ -7,10 +7,10 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.files import put, sha256, writing_hdf5
 from cospeech.posenet import JOINTS17
-from cospeech.posenet.augment import center
-from cospeech.posenet.metrics import PROTOCOLS, align, auc, joint_group_table, mpjpe, official, pck
+from cospeech.posenet.evaluation.pose_metrics import PROTOCOLS, align, auc, joint_group_table, mpjpe, official, pck
 from cospeech.posenet.predict import AT_ONCE, PosePredictor
 from cospeech.posenet.store import Store
+from cospeech.posenet.training.augment import center
 
 SCHEMA = "cospeech.posenet.evaluation"
 METRICS = ("PCK", "AUC", "MPJPE")
