@@ -13,9 +13,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "capture"))
 from person import make_track
 
 from cospeech.capture.annotate import annotate
-from cospeech.capture.assemble import assemble
-from cospeech.capture.cleanup import Cleanup, clean
-from cospeech.capture.fill import fill_joints
+from cospeech.capture.cleanup.assemble import assemble
+from cospeech.capture.cleanup.clean import Cleanup, clean
+from cospeech.capture.cleanup.fill import fill_joints
 from cospeech.capture.fit_face import FitSettings, _basis, _landmarks, fit_track
 from cospeech.face.model import embedded
 from cospeech.face.solver import State, predict, smoothed_step, start

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import cv2
 
-from cospeech.capture.mediapipe import MediapipeTracker
-from cospeech.capture.trackers import run_trackers
-from cospeech.capture.video import open_film
+from cospeech.capture.film.decoding import open_film
+from cospeech.capture.trackers.mediapipe import MediapipeTracker
+from cospeech.capture.trackers.registry import run_trackers
 
 
 def timed(work):
@@ -39,7 +39,10 @@ def plain_loop(path, size):
 def mediapipe_alone(film, environment):
     """Seconds of the same program, its start included, on pictures that are decoded already and lie in a file."""
     width, height = (str(side) for side in film.size())
-    with tempfile.TemporaryDirectory() as folder, as_file(files("cospeech.capture") / "mediapipe_runner.py") as program:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        as_file(files("cospeech.capture.trackers") / "mediapipe_runner.py") as program,
+    ):
         raw = Path(folder) / "pictures"
         with open(raw, "wb") as file:
             for picture in film.pictures():

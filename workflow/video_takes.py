@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cospeech.capture.media import can_fetch, is_address, placeholder, read_takes
+from cospeech.capture.film.media import can_fetch, is_address, placeholder, read_takes
 from cospeech.errors import CospeechError
 
 

@@ -7,7 +7,7 @@ import pytest
 from person import head, make_track, positions
 
 from cospeech.capture.annotate import annotate
-from cospeech.capture.quality import Quality
+from cospeech.capture.cleanup.quality import Quality
 from cospeech.cli import main
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, CospeechNotice

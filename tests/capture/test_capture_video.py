@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from cospeech.capture.ahead import ahead
-from cospeech.capture.video import open_film
+from cospeech.capture.film.decoding import open_film
+from cospeech.capture.film.prefetch import ahead
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.speech import load_audio
 from tests.capture.films import numbered, numbers, textured, write_film

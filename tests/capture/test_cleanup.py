@@ -9,11 +9,11 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.assemble import assemble, in_metres
-from cospeech.capture.cleanup import Cleanup, clean, speaker_bones, window_mean
-from cospeech.capture.fill import EXCLUDED, INTERPOLATED, OBSERVED, fill_gaps
-from cospeech.capture.gates import agreement_gate, bone_gate, robust_bones, speed_gate
-from cospeech.capture.stretch import Face
+from cospeech.capture.cleanup.assemble import assemble, in_metres
+from cospeech.capture.cleanup.clean import Cleanup, clean, speaker_bones, window_mean
+from cospeech.capture.cleanup.fill import EXCLUDED, INTERPOLATED, OBSERVED, fill_gaps
+from cospeech.capture.cleanup.gates import agreement_gate, bone_gate, robust_bones, speed_gate
+from cospeech.capture.cleanup.stretch import Face
 from cospeech.errors import CospeechError
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, bone_lengths
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cospeech.capture import codecs
+from cospeech.capture.trackers import codecs
 
 SIZE = (288, 384)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cospeech.capture.media import fetch, is_address, read_takes, record, safe_name, take_sound
+from cospeech.capture.film.media import fetch, is_address, read_takes, record, safe_name, take_sound
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.speech import write_wav
 from tests.capture.films import numbered, write_film

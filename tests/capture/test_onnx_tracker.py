@@ -7,11 +7,11 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.crops import Crop, crop_about
-from cospeech.capture.manifest import read_manifest
-from cospeech.capture.onnx_tracker import OnnxTracker, _turned, posenet_trackers
-from cospeech.capture.trackers import run_trackers
-from cospeech.capture.video import open_film
+from cospeech.capture.film.decoding import open_film
+from cospeech.capture.trackers.crops import Crop, crop_about
+from cospeech.capture.trackers.manifest import read_manifest
+from cospeech.capture.trackers.onnx_network import OnnxTracker, _turned, posenet_trackers
+from cospeech.capture.trackers.registry import run_trackers
 from cospeech.errors import CospeechError
 from cospeech.track import Camera, Points, Track
 from tests.capture.films import write_film

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.precomputed import PrecomputedTracker, read_parts, read_release
-from cospeech.capture.smplx import smplx_parts
-from cospeech.capture.trackers import run_trackers
-from cospeech.capture.video import open_film
+from cospeech.capture.film.decoding import open_film
+from cospeech.capture.trackers.precomputed import PrecomputedTracker, read_parts, read_release
+from cospeech.capture.trackers.registry import run_trackers
+from cospeech.capture.trackers.smplx import smplx_parts
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.skeleton import UPPER55
 from tests.capture.films import textured, write_film
@@ -147,7 +147,7 @@ def test_smplx_turns_joints_about_their_parents(tmp_path):
 
 def test_smplx_by_the_users_body_model_and_z_up(tmp_path):
     """A model whose joints are its vertices: rest joints come out, moved by betas; z-up files are put upright."""
-    from cospeech.capture import smplx
+    from cospeech.capture.trackers import smplx
 
     rest = np.array([smplx._table()["rest"][name] for name in list(smplx._table()["parents"])[:55]])
     model = tmp_path / "SMPLX_NEUTRAL.npz"

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from person import J, make_track, positions
 
-from cospeech.capture.assemble import assemble
-from cospeech.capture.cleanup import Cleanup, clean
-from cospeech.capture.gates import robust_bones
-from cospeech.capture.quality import Quality, bone_deviation, jitter, judge
+from cospeech.capture.cleanup.assemble import assemble
+from cospeech.capture.cleanup.clean import Cleanup, clean
+from cospeech.capture.cleanup.gates import robust_bones
+from cospeech.capture.cleanup.quality import Quality, bone_deviation, jitter, judge
 from cospeech.errors import CospeechError
 from cospeech.skeleton import LEFT_HAND
 

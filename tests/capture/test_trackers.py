@@ -6,11 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from cospeech.capture.follow import frames_of_others
-from cospeech.capture.mediapipe import COMPLETE, MediapipeTracker, _parts, build_environment
-from cospeech.capture.mediapipe_runner import cut, record
-from cospeech.capture.trackers import run_trackers
-from cospeech.capture.video import open_film
+from cospeech.capture.film.decoding import open_film
+from cospeech.capture.trackers.follow import frames_of_others
+from cospeech.capture.trackers.mediapipe import COMPLETE, MediapipeTracker, _parts, build_environment
+from cospeech.capture.trackers.mediapipe_runner import cut, record
+from cospeech.capture.trackers.registry import run_trackers
 from cospeech.cli import main
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.track import Points, Track

@@ -4,7 +4,7 @@ from job import job, snakemake
 
 with job():
     from cospeech.capture.annotate import annotate
-    from cospeech.capture.bones import read_bones
+    from cospeech.capture.cleanup.bone_lengths import read_bones
     from cospeech.capture.refusal import clip_or_refusal
     from cospeech.face.model import FaceModel
     from cospeech.formats.mocap import cut_words

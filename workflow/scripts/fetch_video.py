@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.media import fetch
+    from cospeech.capture.film.media import fetch
 
     fetch(snakemake.params.url, snakemake.output.video)

@@ -3,7 +3,7 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.media import take_sound
+    from cospeech.capture.film.media import take_sound
     from cospeech.capture.refusal import sound_or_silence
     from cospeech.speech import write_wav
 

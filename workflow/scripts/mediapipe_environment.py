@@ -5,7 +5,7 @@ import shutil
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.mediapipe import build_environment
+    from cospeech.capture.trackers.mediapipe import build_environment
 
     build_environment(snakemake.params.folder, snakemake.input.requirements)
     shutil.copyfile(snakemake.input.requirements, snakemake.output.mark)

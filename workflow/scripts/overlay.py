@@ -3,7 +3,7 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.overlay import sound_of, track_pictures
+    from cospeech.capture.film.overlay import sound_of, track_pictures
     from cospeech.render.video import write_film
     from cospeech.track import Track
 

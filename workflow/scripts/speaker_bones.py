@@ -3,7 +3,7 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.bones import measure_bones, write_bones
+    from cospeech.capture.cleanup.bone_lengths import measure_bones, write_bones
 
     bones = measure_bones(list(snakemake.input.tracks))
     write_bones(snakemake.output.bones, bones, subject=snakemake.wildcards.subject)

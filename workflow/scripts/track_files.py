@@ -3,10 +3,10 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.precomputed import PrecomputedTracker
+    from cospeech.capture.film.decoding import open_film
     from cospeech.capture.refusal import track_or_refusal
-    from cospeech.capture.trackers import run_trackers
-    from cospeech.capture.video import open_film
+    from cospeech.capture.trackers.precomputed import PrecomputedTracker
+    from cospeech.capture.trackers.registry import run_trackers
 
     files, params = snakemake.input, snakemake.params
     film = lambda: open_film(files.video, params.start, params.end)  # noqa: E731

@@ -3,11 +3,11 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.manifest import read_manifest
-    from cospeech.capture.onnx_tracker import OnnxTracker
+    from cospeech.capture.film.decoding import open_film
     from cospeech.capture.refusal import track_or_refusal
-    from cospeech.capture.trackers import run_trackers
-    from cospeech.capture.video import open_film
+    from cospeech.capture.trackers.manifest import read_manifest
+    from cospeech.capture.trackers.onnx_network import OnnxTracker
+    from cospeech.capture.trackers.registry import run_trackers
 
     files, params = snakemake.input, snakemake.params
     tracker = OnnxTracker(read_manifest(files.manifest, params.model), snakemake.threads)

@@ -5,10 +5,10 @@ from pathlib import Path
 from job import job, snakemake
 
 with job():
-    from cospeech.capture.onnx_tracker import posenet_trackers
+    from cospeech.capture.film.decoding import open_film
     from cospeech.capture.refusal import track_or_refusal
-    from cospeech.capture.trackers import run_trackers
-    from cospeech.capture.video import open_film
+    from cospeech.capture.trackers.onnx_network import posenet_trackers
+    from cospeech.capture.trackers.registry import run_trackers
 
     files, params = snakemake.input, snakemake.params
     trackers = posenet_trackers(Path(files.manifests[0]).parents[1], snakemake.threads)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.capture.assemble import HANDS, assemble, in_metres
-from cospeech.capture.cleanup import RATE, Cleanup, clean
+from cospeech.capture.cleanup.assemble import HANDS, assemble, in_metres
+from cospeech.capture.cleanup.clean import RATE, Cleanup, clean
+from cospeech.capture.cleanup.quality import judge
+from cospeech.capture.cleanup.stretch import Face
 from cospeech.capture.fit_face import fit_track
-from cospeech.capture.quality import judge
-from cospeech.capture.stretch import Face
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError, notice
 from cospeech.face.model import EMBEDDED, embedded
@@ -26,7 +26,7 @@ def annotate(
 
     track : a `Track`. audio : its sound, any file with sound, or None for a film without; at `audio_start` seconds of
     it the track begins. T = round(seconds * fps) of the shorter of both. bones (55,) : the speaker's, from
-    `cleanup.speaker_bones` over all takes. face_model : a `FaceModel`, by default the embedded one. words : `Words`, or
+    `cleanup.bone_lengths.speaker_bones` over all takes. face_model : a `FaceModel`, by default the embedded one. words : `Words`, or
     those in a file beside the sound. audio_path becomes `clip.audio`. Raises CospeechError for takes that are refused:
     no person, too small a face, mostly hidden, no depth.
     """

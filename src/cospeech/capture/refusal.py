@@ -7,10 +7,10 @@ import csv
 
 import numpy as np
 
-from cospeech.capture.assemble import PARTS
-from cospeech.capture.cleanup import completed
-from cospeech.capture.quality import SCALARS, SHARES, Quality
-from cospeech.capture.stretch import stand
+from cospeech.capture.cleanup.assemble import PARTS
+from cospeech.capture.cleanup.clean import completed
+from cospeech.capture.cleanup.quality import SCALARS, SHARES, Quality
+from cospeech.capture.cleanup.stretch import stand
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
 from cospeech.files import writing

@@ -83,8 +83,8 @@ def _track(options):
     """See what a person does in a film, and write it as a track: body, hands and face with confidences."""
     from tqdm import tqdm
 
-    from cospeech.capture.trackers import run_trackers
-    from cospeech.capture.video import open_film
+    from cospeech.capture.film.decoding import open_film
+    from cospeech.capture.trackers.registry import run_trackers
 
     if Path(options.out).suffix.lower() != ".h5":
         raise CospeechError(f"{options.out}: a track is written as .h5; give a name that ends so")
@@ -100,7 +100,7 @@ def _track(options):
 def _annotate(options):
     """Clean a track, fit the face, measure the speech, and write the take as a clip."""
     from cospeech.capture.annotate import annotate
-    from cospeech.capture.bones import read_bones
+    from cospeech.capture.cleanup.bone_lengths import read_bones
     from cospeech.face.model import FaceModel
     from cospeech.track import Track
 
@@ -141,7 +141,7 @@ def _face_model(options):
 
 def _overlay(options):
     """Draw a track, or a clip beside it, into its film, with the film's sound."""
-    from cospeech.capture.overlay import clip_pictures, sound_of, track_pictures
+    from cospeech.capture.film.overlay import clip_pictures, sound_of, track_pictures
     from cospeech.clip import SCHEMA, Clip
     from cospeech.render.video import write_film
     from cospeech.track import Track
@@ -187,23 +187,23 @@ def _trackers(options):
 def _tracker(name, options):
     results = Path(configuration(options.config).get("results_dir", "results"))
     if name == "mediapipe":
-        from cospeech.capture.mediapipe import MediapipeTracker
+        from cospeech.capture.trackers.mediapipe import MediapipeTracker
 
         folder = Path(options.environment or results / "envs" / "mediapipe")
         return MediapipeTracker(_environment(folder))
     if name == "posenet":
-        from cospeech.capture.onnx_tracker import posenet_trackers
+        from cospeech.capture.trackers.onnx_network import posenet_trackers
 
         return posenet_trackers(results / "posenet", options.threads)
     if name == "onnx":
-        from cospeech.capture.manifest import read_manifest
-        from cospeech.capture.onnx_tracker import OnnxTracker
+        from cospeech.capture.trackers.manifest import read_manifest
+        from cospeech.capture.trackers.onnx_network import OnnxTracker
 
         if not options.manifest:
             raise CospeechError("--tracker onnx needs --manifest: a .yaml file, or rtmw3d, rtmw, deep3dfacerecon")
         return OnnxTracker(read_manifest(options.manifest, options.model), options.threads)
     if name == "tracks":
-        from cospeech.capture.precomputed import PrecomputedTracker
+        from cospeech.capture.trackers.precomputed import PrecomputedTracker
 
         if not options.tracks:
             raise CospeechError("--tracker tracks needs --tracks: the file or folder that another program wrote")
@@ -214,7 +214,7 @@ def _tracker(name, options):
 def _environment(folder):
     """The folder of MediaPipe's environment, which is made on first use."""
     import cospeech
-    from cospeech.capture.mediapipe import COMPLETE, VERSION, build_environment
+    from cospeech.capture.trackers.mediapipe import COMPLETE, VERSION, build_environment
 
     if not (folder / COMPLETE).is_file():
         asked = Path(cospeech.__file__).parents[2] / "envs" / "mediapipe-requirements.txt"

@@ -107,7 +107,7 @@ def upper_body_boxes(body):
 
 
 def _head_and_shoulders(body):
-    from cospeech.capture.crops import HEADS
+    from cospeech.capture.trackers.crops import HEADS
 
     names = next(names for names in HEADS if all(name in body.table.index for name in names))
     return body.table.joints(*names), body.table.joints("left_shoulder", "right_shoulder")
@@ -137,8 +137,8 @@ def _picture(video, track, frame, box, size):
     """(size, size, 3) uint8: what the film shows in the box at a frame of the track; black beyond its edges."""
     from contextlib import closing
 
-    from cospeech.capture.crops import crop_about
-    from cospeech.capture.video import open_film
+    from cospeech.capture.film.decoding import open_film
+    from cospeech.capture.trackers.crops import crop_about
 
     start = track.start + frame / track.fps
     film = open_film(video, start, start + 1 / track.fps, fps=track.fps)

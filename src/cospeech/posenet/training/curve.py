@@ -17,7 +17,7 @@ TERM = "PCK "  # what a point's names in the training's history begin with
 
 
 class LearningCurve:
-    """Calling it with a network gives {"PCK <domain>": percent, globally scaled}, by the rules of `evaluate`.
+    """Calling it with a network gives {"PCK <domain>": percent, globally scaled}, by the rules of `accuracy`.
 
     paths : stores of people with 3D truth. part : that they show. design : the network's. half : as in `Settings`.
     """

@@ -1,7 +1,7 @@
 """Training of the pose network (thesis 3.4.2): 2D heatmaps first, then every loss, for `learning.training.train`.
 
 A mini-batch of the second stage mixes people with 3D labels (studio) and people with 2D labels alone (wild); which loss
-acts on whom is `losses.total_loss`'s business.
+acts on whom is `pose_losses.total_loss`'s business.
 """
 
 import json

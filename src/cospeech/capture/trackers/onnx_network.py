@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture import codecs
-from cospeech.capture.crops import (
+from cospeech.capture.trackers import codecs
+from cospeech.capture.trackers.crops import (
     FACE_SIZE,
     around,
     box_of,
@@ -18,7 +18,7 @@ from cospeech.capture.crops import (
     like,
     whole_picture,
 )
-from cospeech.capture.manifest import Manifest, read_manifest
+from cospeech.capture.trackers.manifest import Manifest, read_manifest
 from cospeech.errors import CospeechError
 from cospeech.files import sha256
 from cospeech.skeleton import Skeleton
@@ -32,7 +32,7 @@ SHOWN = 0.6  # share of a hand's or a face's points that lie in the picture wher
 
 
 class OnnxTracker:
-    """One ONNX file and its manifest as a Tracker (`trackers.Tracker`).
+    """One ONNX file and its manifest as a Tracker (`registry.Tracker`).
 
     A network that sees the body starts with the whole picture and then follows the box of its own points from frame to
     frame; hands and faces are looked for about the joints of a body, or the landmarks of a face, that an earlier
@@ -51,7 +51,7 @@ class OnnxTracker:
         self.batch = fixed if isinstance(fixed, int) and fixed > 0 else BATCH
 
     def track(self, film, pictures, seen):
-        """{part: Points or FaceCoefficients} of a `Film`; see `trackers.Tracker`."""
+        """{part: Points or FaceCoefficients} of a `Film`; see `registry.Tracker`."""
         scale = film.width / film.size()[0]
         if "body" in self.parts:
             followed = list(self._follow(pictures))

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cospeech.capture.assemble import HANDS, PARTS
-from cospeech.capture.fill import EXCLUDED
-from cospeech.capture.gates import agreement_gate, bone_gate, joined_gate, robust_bones, speed_gate
-from cospeech.capture.stretch import SIDES, Face, clean_stretch
-from cospeech.capture.wrists import wrists_at_hands
+from cospeech.capture.cleanup.assemble import HANDS, PARTS
+from cospeech.capture.cleanup.fill import EXCLUDED
+from cospeech.capture.cleanup.gates import agreement_gate, bone_gate, joined_gate, robust_bones, speed_gate
+from cospeech.capture.cleanup.stretch import SIDES, Face, clean_stretch
+from cospeech.capture.cleanup.wrists import wrists_at_hands
 from cospeech.errors import CospeechError
 from cospeech.formats.mocap import REST_FOREARM, rest_hand
 from cospeech.skeleton import BODY, UPPER55

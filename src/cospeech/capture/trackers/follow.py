@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cospeech.capture.shots import colour_histogram
+from cospeech.capture.film.shots import colour_histogram
 from cospeech.errors import notice
 
 SURE = 0.5  # score from which a point counts for the person's box

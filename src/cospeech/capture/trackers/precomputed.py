@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.capture.smplx import is_smplx, smplx_parts
+from cospeech.capture.trackers.smplx import is_smplx, smplx_parts
 from cospeech.errors import CospeechError, notice
 from cospeech.skeleton import UPPER55, Skeleton
 from cospeech.track import FaceCoefficients, Points, Track
@@ -27,7 +27,7 @@ SPLIT137 = {"body": (0, 25), "face_landmarks": (25, 95), "left_hand": (95, 116),
 
 
 class PrecomputedTracker:
-    """Files of another program as a Tracker (`trackers.Tracker`): frames are matched to the film's by their times.
+    """Files of another program as a Tracker (`registry.Tracker`): frames are matched to the film's by their times.
 
     path: a track file of ours; a folder of OpenPose's *_keypoints.json, or of the published key points' .txt; an .npz
     of the published key points or of SMPL-X parameters. body_model: a SMPL-X model file (.npz) for the latter.
@@ -45,7 +45,7 @@ class PrecomputedTracker:
         self.licence_note = self._own.licence_note if self._own else f"as of {self.path.name}"
 
     def track(self, film, pictures, seen):
-        """{part: Points} at the film's frames; see `trackers.Tracker`. Pictures are looked at for shots only."""
+        """{part: Points} at the film's frames; see `registry.Tracker`. Pictures are looked at for shots only."""
         count = sum(1 for _ in pictures)
         times = film.start + np.arange(count) / film.fps
         if self._own is not None:

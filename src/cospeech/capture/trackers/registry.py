@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cospeech.capture.follow import frames_of_others
+from cospeech.capture.trackers.follow import frames_of_others
 from cospeech.errors import CospeechError, notice
 from cospeech.files import sha256
 from cospeech.track import PARTS, Track

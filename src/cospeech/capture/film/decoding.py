@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.capture.ahead import ahead
-from cospeech.capture.shots import ShotDetector
+from cospeech.capture.film.prefetch import ahead
+from cospeech.capture.film.shots import ShotDetector
 from cospeech.errors import CospeechError, notice
 
 FASTEST = 30.5  # Hz; faster films are tracked at every second, fourth... picture: twice the clip's 15 Hz is plenty

@@ -77,7 +77,7 @@ def _poses(arrays, path):
 
 
 def _table():
-    return yaml.safe_load((files("cospeech.capture") / "data" / "smplx_rest.yaml").read_text(encoding="utf-8"))
+    return yaml.safe_load((files("cospeech.capture.trackers") / "data" / "smplx_rest.yaml").read_text(encoding="utf-8"))
 
 
 def _default_joints(path):
@@ -87,7 +87,7 @@ def _default_joints(path):
 
 def _model_joints(body_model, arrays):
     """{joint: (3,) metres} of a SMPL-X model in its rest pose, with the file's shape."""
-    from cospeech.capture.precomputed import load_arrays
+    from cospeech.capture.trackers.precomputed import load_arrays
 
     model = load_arrays(Path(body_model))
     if missing := [key for key in ("J_regressor", "v_template", "shapedirs") if key not in model]:

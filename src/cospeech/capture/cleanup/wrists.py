@@ -1,7 +1,7 @@
 """Wrists where the hands are: a hand's root is seen larger than the body's wrist, in a crop of its own."""
 
-from cospeech.capture.gates import flat_fit
-from cospeech.capture.stretch import SIDES
+from cospeech.capture.cleanup.gates import flat_fit
+from cospeech.capture.cleanup.stretch import SIDES
 from cospeech.skeleton import BODY, UPPER55
 
 

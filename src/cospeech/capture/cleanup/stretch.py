@@ -6,8 +6,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.assemble import HANDS
-from cospeech.capture.fill import EXCLUDED, fill_gaps, fill_joints
+from cospeech.capture.cleanup.assemble import HANDS
+from cospeech.capture.cleanup.fill import EXCLUDED, fill_gaps, fill_joints
 from cospeech.formats.mocap import HEADING_SECONDS, REST_FOREARM, UP, rest_hand
 from cospeech.rotation import between, continuous, heading, resample, resample_rotations
 from cospeech.skeleton import BODY, UPPER55, with_bone_lengths
@@ -41,7 +41,7 @@ class Face:
 
 @dataclass
 class Stretch:
-    """What became of one stretch; the arrays as in `cleanup.Cleaned`."""
+    """What became of one stretch; the arrays as in `clean.Cleaned`."""
 
     positions: np.ndarray
     confidence: np.ndarray
@@ -54,7 +54,7 @@ class Stretch:
 def clean_stretch(sight, believed, typical, bones, face, *, clock, apart, sigma, unify, upright, forward, ahead):
     """Clean one stretch of a take.
 
-    sight, believed : as `cleanup.believe` judged them. typical (55, 3) : for joints never believed here;
+    sight, believed : as `clean.believe` judged them. typical (55, 3) : for joints never believed here;
     NaN for hands that are to rest. bones (55,). clock : (fps, rate, frames, start): frame i of the result shows the
     video at start + i / rate seconds. apart : frames of the video up to which gaps are filled. sigma : frames of
     the result.

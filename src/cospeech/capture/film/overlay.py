@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cospeech.capture.video import open_film
+from cospeech.capture.film.decoding import open_film
 from cospeech.errors import CospeechError
 from cospeech.speech import audio_duration, load_audio
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from cospeech.capture import codecs
+from cospeech.capture.trackers import codecs
 from cospeech.errors import CospeechError
 from cospeech.files import sha256
 from cospeech.skeleton import Skeleton
@@ -63,7 +63,7 @@ def read_manifest(path, model=None):
     """
     path = Path(path)
     if path.suffix not in (".yaml", ".yml"):
-        shipped = files("cospeech.capture") / "manifests"
+        shipped = files("cospeech.capture.trackers") / "manifests"
         known = sorted(Path(f.name).stem for f in shipped.iterdir() if f.name.endswith(".yaml"))
         if str(path) not in known:
             raise CospeechError(f"{path}: neither a manifest (.yaml) nor one of {', '.join(known)}")

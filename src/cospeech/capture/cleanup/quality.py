@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cospeech import __version__
-from cospeech.capture.assemble import PARTS
-from cospeech.capture.fill import EXCLUDED, INTERPOLATED, OBSERVED
+from cospeech.capture.cleanup.assemble import PARTS
+from cospeech.capture.cleanup.fill import EXCLUDED, INTERPOLATED, OBSERVED
 from cospeech.files import put, reading_hdf5, writing_hdf5
 from cospeech.skeleton import BODY, UPPER55
 

@@ -161,7 +161,7 @@ def take_sound(video, audio=None, start=0.0, end=None):
     if not _sounds(video):
         import numpy as np
 
-        from cospeech.capture.video import open_film
+        from cospeech.capture.film.decoding import open_film
 
         film = open_film(video, start, end)
         notice(f"{video}: has no sound; silence stands in")

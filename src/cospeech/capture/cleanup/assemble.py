@@ -84,7 +84,7 @@ def _weights(table, part, name):
     """(J, K) weights of the part's joints of upper55 on a tracker's points."""
     names = UPPER55.names[PARTS[part]]
     if part == "body":
-        tables = yaml.safe_load((files("cospeech.capture") / "data" / "upper55.yaml").read_text("utf-8"))
+        tables = yaml.safe_load((files("cospeech.capture.cleanup") / "data" / "upper55.yaml").read_text("utf-8"))
         if table.name not in tables:
             raise CospeechError(f"{name}: no way from skeleton {table.name!r} to upper55; known: {', '.join(tables)}")
         sources = {joint: tables[table.name].get(joint, {joint: 1.0}) for joint in names}

@@ -48,9 +48,9 @@ class MediapipeTracker:
             )
 
     def track(self, film, pictures, seen):
-        """{part: Points} of a `Film`; see `trackers.Tracker`."""
+        """{part: Points} of a `Film`; see `registry.Tracker`."""
         width, height = film.size()
-        script = as_file(files("cospeech.capture") / "mediapipe_runner.py")
+        script = as_file(files("cospeech.capture.trackers") / "mediapipe_runner.py")
         with tempfile.TemporaryDirectory() as folder, script as program:
             records, errors = Path(folder) / "records", Path(folder) / "errors"
             # -I: nothing beside the program, and nothing of this environment, is imported there

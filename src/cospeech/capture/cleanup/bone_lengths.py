@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from cospeech.capture.assemble import assemble, in_metres
-from cospeech.capture.cleanup import speaker_bones
+from cospeech.capture.cleanup.assemble import assemble, in_metres
+from cospeech.capture.cleanup.clean import speaker_bones
 from cospeech.errors import CospeechError, notice
 from cospeech.files import put, reading_hdf5, writing_hdf5
 from cospeech.skeleton import UPPER55
