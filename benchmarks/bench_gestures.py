@@ -17,7 +17,7 @@ import torch
 import yaml
 
 from cospeech.clip import Clip
-from cospeech.gestures.models import gesture_task
+from cospeech.gestures.chapter4.models import gesture_task
 from cospeech.learning.weights import export_onnx
 from cospeech.synthesis import load_network
 

@@ -15,12 +15,12 @@ from pathlib import Path
 import torch
 
 from cospeech.gestures.ha2g import losses
-from cospeech.gestures.ha2g.audio import FEATURES, SpectrogramEncoder
-from cospeech.gestures.ha2g.corpus import FRAMES, SEED_FRAMES
-from cospeech.gestures.ha2g.generator import Cascade, Level, inferred_levels
-from cospeech.gestures.ha2g.gru import GRU
-from cospeech.gestures.ha2g.levels import level_table
-from cospeech.gestures.ha2g.style import LOOKS, FrameStyle
+from cospeech.gestures.ha2g.dataset.corpus import FRAMES, SEED_FRAMES
+from cospeech.gestures.ha2g.dataset.levels import level_table
+from cospeech.gestures.ha2g.networks.gru import GRU
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import FEATURES, SpectrogramEncoder
+from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import Cascade, Level, inferred_levels
+from cospeech.gestures.ha2g.networks.style import LOOKS, FrameStyle
 from cospeech.learning.weights import OnnxNetwork, export_onnx
 
 STYLE = 18

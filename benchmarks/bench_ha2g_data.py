@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from cospeech.clip import Clip, Words
-from cospeech.gestures.ha2g.collect import Take, collect
-from cospeech.gestures.ha2g.embeddings import read_embeddings
-from cospeech.gestures.ha2g.filters import Filters
+from cospeech.gestures.ha2g.dataset.collect import Take, collect
+from cospeech.gestures.ha2g.dataset.embeddings import read_embeddings
+from cospeech.gestures.ha2g.dataset.filters import Filters
 from cospeech.skeleton import UPPER55
 from cospeech.speech.mel import log_mel, log_mel_s2g
 

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError
-from cospeech.gestures.models import CONTROLLED, GESTURES, gesture_task
+from cospeech.gestures.chapter4.models import CONTROLLED, GESTURES, gesture_task
 from cospeech.split import Split
 
 TRAINED = (*GESTURES, "resync")  # have weights under results/<subject>/models/
@@ -125,7 +125,7 @@ def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
 
 def load_network(model, onnx, threads=None):
     """The generator of one of `GESTURES` from its ONNX file, wherever that lies."""
-    from cospeech.gestures.generate import GestureGenerator, Sampler
+    from cospeech.gestures.chapter4.inference import GestureGenerator, Sampler
 
     if model in CONTROLLED:
         return ControlledSampler(CONTROLLED[model], Sampler(onnx, threads))

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from cospeech.errors import CospeechError
 from cospeech.evaluation import beats
-from cospeech.gestures.ha2g.bones import bone_vectors
-from cospeech.gestures.ha2g.levels import level_table
+from cospeech.gestures.ha2g.dataset.bones import bone_vectors
+from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.skeleton import UPPER55
 
 TABLE = level_table("expressive43")

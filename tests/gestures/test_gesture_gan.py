@@ -8,9 +8,9 @@ import torch
 
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
-from cospeech.gestures.generate import GestureGenerator
-from cospeech.gestures.gesture_gan import GestureTask, Settings, reconstruction_losses
-from cospeech.gestures.vectors import motion_to_vectors, vectors_to_motion
+from cospeech.gestures.chapter4.gesture_gan import GestureTask, Settings, reconstruction_losses
+from cospeech.gestures.chapter4.inference import GestureGenerator
+from cospeech.gestures.chapter4.vectors import motion_to_vectors, vectors_to_motion
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import train
 from cospeech.learning.unet1d import HALO, PRESETS, Critic, Decoder, Encoder

@@ -5,12 +5,12 @@ import pytest
 import torch
 
 from cospeech.errors import CospeechError
-from cospeech.gestures.generate import GestureGenerator
-from cospeech.gestures.gesture_gan import GestureTask
-from cospeech.gestures.gesture_gan import Settings as GestureSettings
-from cospeech.gestures.lstm import LSTMTask, Settings
-from cospeech.gestures.models import gesture_task
-from cospeech.gestures.vectors import motion_to_vectors
+from cospeech.gestures.chapter4.gesture_gan import GestureTask
+from cospeech.gestures.chapter4.gesture_gan import Settings as GestureSettings
+from cospeech.gestures.chapter4.inference import GestureGenerator
+from cospeech.gestures.chapter4.lstm import LSTMTask, Settings
+from cospeech.gestures.chapter4.models import gesture_task
+from cospeech.gestures.chapter4.vectors import motion_to_vectors
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import train
 from cospeech.synthesis import train_model

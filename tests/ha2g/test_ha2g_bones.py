@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
-from cospeech.gestures.ha2g.bones import (
+from cospeech.gestures.ha2g.dataset.bones import (
     PLACES,
     Figure,
     bone_vectors,
@@ -15,7 +15,7 @@ from cospeech.gestures.ha2g.bones import (
     positions_from_vectors,
     table_joints,
 )
-from cospeech.gestures.ha2g.levels import included_angles, level_table
+from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, bone_lengths
 from tests.conftest import make_clip
 

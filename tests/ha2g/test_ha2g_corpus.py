@@ -6,11 +6,11 @@ import pytest
 
 from cospeech.clip import Words
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.gestures.ha2g.bones import bone_vectors, positions_from_vectors
-from cospeech.gestures.ha2g.collect import Take, collect
-from cospeech.gestures.ha2g.corpus import Corpus
-from cospeech.gestures.ha2g.filters import Filters
-from cospeech.gestures.ha2g.levels import included_angles, level_table
+from cospeech.gestures.ha2g.dataset.bones import bone_vectors, positions_from_vectors
+from cospeech.gestures.ha2g.dataset.collect import Take, collect
+from cospeech.gestures.ha2g.dataset.corpus import Corpus
+from cospeech.gestures.ha2g.dataset.filters import Filters
+from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
 from cospeech.speech.mel import log_mel, log_mel_s2g
 from cospeech.split import split_clips
 from tests.conftest import make_clip

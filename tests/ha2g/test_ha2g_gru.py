@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from cospeech.gestures.ha2g.gru import GRU, dropout
+from cospeech.gestures.ha2g.networks.gru import GRU, dropout
 from cospeech.learning.recurrence import tanh
 
 
@@ -105,7 +105,7 @@ def test_dropout_is_as_large_as_asked_for_and_anew_everywhere(share):
 
 BYTES = """
 import hashlib, torch
-from cospeech.gestures.ha2g.gru import GRU
+from cospeech.gestures.ha2g.networks.gru import GRU
 torch.manual_seed(0)
 gru, x = GRU(40, 76, 2, 0.1), torch.randn(32, 34, 40)
 gru(x).square().sum().backward()

@@ -12,16 +12,16 @@ from cospeech.demo import write_take
 from cospeech.demo.film import build_set, film_take
 from cospeech.demo.take import read_motion
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.gestures.ha2g.bones import bone_vectors
-from cospeech.gestures.ha2g.collect import collect
-from cospeech.gestures.ha2g.corpus import Corpus
-from cospeech.gestures.ha2g.filters import Filters
-from cospeech.gestures.ha2g.identity import IdentityEncoder, ResNet18, export_identity, load_imagenet
-from cospeech.gestures.ha2g.levels import level_table
+from cospeech.gestures.ha2g.dataset.bones import bone_vectors
+from cospeech.gestures.ha2g.dataset.collect import collect
+from cospeech.gestures.ha2g.dataset.corpus import Corpus
+from cospeech.gestures.ha2g.dataset.filters import Filters
+from cospeech.gestures.ha2g.dataset.levels import level_table
+from cospeech.gestures.ha2g.dataset.references import ReferenceFrames, take_reference_frames
+from cospeech.gestures.ha2g.long_speech import SharedGenerator, train_shared
 from cospeech.gestures.ha2g.models import ha2g_task
-from cospeech.gestures.ha2g.references import ReferenceFrames, take_reference_frames
-from cospeech.gestures.ha2g.style import FrameStyle, StyleCoordinator
-from cospeech.gestures.ha2g.synthesis import SharedGenerator, train_shared
+from cospeech.gestures.ha2g.networks.identity import IdentityEncoder, ResNet18, export_identity, load_imagenet
+from cospeech.gestures.ha2g.networks.style import FrameStyle, StyleCoordinator
 from cospeech.learning.training import train
 from cospeech.learning.weights import load_weights
 from cospeech.skeleton import UPPER55

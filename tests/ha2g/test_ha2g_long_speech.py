@@ -8,10 +8,10 @@ import pytest
 
 from cospeech.clip import Words
 from cospeech.errors import CospeechError
-from cospeech.gestures.ha2g.bones import Figure, bone_vectors
-from cospeech.gestures.ha2g.levels import level_table
-from cospeech.gestures.ha2g.synthesis import SharedGenerator, cross_fade, parse_style, unit_starts
-from cospeech.gestures.ha2g.vocabulary import Vocabulary
+from cospeech.gestures.ha2g.dataset.bones import Figure, bone_vectors
+from cospeech.gestures.ha2g.dataset.levels import level_table
+from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary
+from cospeech.gestures.ha2g.long_speech import SharedGenerator, cross_fade, parse_style, unit_starts
 from cospeech.skeleton import UPPER55
 from cospeech.synthesis import synthesize
 from tests.conftest import make_clip

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from cospeech.gestures.ha2g import losses
-from cospeech.gestures.ha2g.levels import included_angles, level_table
+from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
 
 
 def test_huber_is_quadratic_near_and_linear_far_and_summed_over_levels():

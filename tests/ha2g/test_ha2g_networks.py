@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from cospeech.gestures.ha2g.audio import SpectrogramEncoder, WaveEncoder
-from cospeech.gestures.ha2g.discriminator import Discriminator
-from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
+from cospeech.gestures.ha2g.dataset.levels import level_table
+from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary
 from cospeech.gestures.ha2g.joint_embedding import PoseEncoder
-from cospeech.gestures.ha2g.levels import level_table
-from cospeech.gestures.ha2g.style import SpeakerStyle, StyleCoordinator, blend
-from cospeech.gestures.ha2g.text import TextEncoder, word_embedding
-from cospeech.gestures.ha2g.vocabulary import Vocabulary
+from cospeech.gestures.ha2g.networks.discriminator import Discriminator
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import SpectrogramEncoder, WaveEncoder
+from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import Cascade, inferred_levels
+from cospeech.gestures.ha2g.networks.style import SpeakerStyle, StyleCoordinator, blend
+from cospeech.gestures.ha2g.networks.text import TextEncoder, word_embedding
 
 WORDS = Vocabulary.of(["a", "few", "words", "of", "a", "sentence"])
 

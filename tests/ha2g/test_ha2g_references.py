@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.gestures.ha2g.references import ReferenceFrames, evenly, take_reference_frames, upper_body_boxes
+from cospeech.gestures.ha2g.dataset.references import ReferenceFrames, evenly, take_reference_frames, upper_body_boxes
 from cospeech.skeleton import Skeleton
 from cospeech.track import Points, Track
 from tests.capture.films import numbered, numbers, write_film

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError
-from cospeech.gestures.ha2g.collect import Take, collect
-from cospeech.gestures.ha2g.filters import Filters
+from cospeech.gestures.ha2g.dataset.collect import Take, collect
+from cospeech.gestures.ha2g.dataset.filters import Filters
 from cospeech.gestures.ha2g.hierarchy import published
 from cospeech.gestures.ha2g.models import MODELS, ha2g_task
 from cospeech.learning.training import train

@@ -8,8 +8,8 @@ import pytest
 
 from cospeech.clip import Words
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.gestures.ha2g.embeddings import fnv, parts, read_embeddings
-from cospeech.gestures.ha2g.vocabulary import SPECIAL, Vocabulary, check_words, plain, warn_of_other_transcript
+from cospeech.gestures.ha2g.dataset.embeddings import fnv, parts, read_embeddings
+from cospeech.gestures.ha2g.dataset.vocabulary import SPECIAL, Vocabulary, check_words, plain, warn_of_other_transcript
 
 HERE = Path(__file__).parent
 

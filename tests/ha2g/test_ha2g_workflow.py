@@ -84,7 +84,7 @@ def test_other_frame_rates_are_refused():
 
 def test_budget_sections_have_the_trainings_keys():
     from cospeech.gestures.ha2g import hierarchy, joint_embedding, seq2seq, speech2gesture, trimodal
-    from cospeech.gestures.ha2g.filters import Filters
+    from cospeech.gestures.ha2g.dataset.filters import Filters
 
     budget = read_yaml(SCHEMAS / "budget.schema.yaml")
     sections = {"trimodal": trimodal, "seq2seq": seq2seq, "speech2gesture": speech2gesture,

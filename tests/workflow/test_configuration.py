@@ -153,9 +153,9 @@ def test_every_key_is_in_the_default_files_and_commented():
 def test_budget_keys_are_the_trainings_settings():
     from cospeech.evaluation.fgd import Settings as FeatureNet
     from cospeech.evaluation.sync_classifier import Settings as Sync
-    from cospeech.gestures.gesture_gan import Settings as Gesture
-    from cospeech.gestures.lstm import Settings as LSTM
-    from cospeech.gestures.moglow import Settings as MoGlow
+    from cospeech.gestures.chapter4.gesture_gan import Settings as Gesture
+    from cospeech.gestures.chapter4.lstm import Settings as LSTM
+    from cospeech.gestures.chapter4.moglow import Settings as MoGlow
     from cospeech.matching.resync import Settings as Resync
 
     schema = read_yaml(SCHEMAS / "budget.schema.yaml")
@@ -168,9 +168,9 @@ def test_budget_keys_are_the_trainings_settings():
 
 
 def test_paper_budget_holds_the_published_values():
-    from cospeech.gestures.gesture_gan import Settings as Gesture
-    from cospeech.gestures.lstm import Settings as LSTM
-    from cospeech.gestures.moglow import Settings as MoGlow
+    from cospeech.gestures.chapter4.gesture_gan import Settings as Gesture
+    from cospeech.gestures.chapter4.lstm import Settings as LSTM
+    from cospeech.gestures.chapter4.moglow import Settings as MoGlow
     from cospeech.matching.resync import Settings as Resync
 
     paper = read_yaml(ROOT / "config/budgets/paper.yaml")

@@ -1,7 +1,7 @@
 # Control and variants of the search: results/tables/table_5_3.csv, table_5_4.csv, results/figures/ (thesis 5.4).
 
 from cospeech.evaluation.variants import VARIANTS
-from cospeech.gestures.models import CONTROLLED
+from cospeech.gestures.chapter4.models import CONTROLLED
 
 REFINED = ["knn", *(model for model in MODELS if model == "resync")]  # whose controls Table 5.3 compares
 TOLD = list(CONTROLLED) if set(CONTROLLED) <= set(MODELS) else []  # MoGlow's networks, one for each control signal

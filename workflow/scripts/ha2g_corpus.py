@@ -8,9 +8,9 @@ with job():
     from sections import sections
 
     from cospeech.errors import CospeechError
-    from cospeech.gestures.ha2g.collect import Take, collect
-    from cospeech.gestures.ha2g.filters import Filters
-    from cospeech.gestures.ha2g.references import ReferenceFrames
+    from cospeech.gestures.ha2g.dataset.collect import Take, collect
+    from cospeech.gestures.ha2g.dataset.filters import Filters
+    from cospeech.gestures.ha2g.dataset.references import ReferenceFrames
     from cospeech.learning.settings import settings_of
     from cospeech.speech import load_audio
     from cospeech.speech.mfcc import RATE

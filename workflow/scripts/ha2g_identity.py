@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.gestures.ha2g.identity import export_identity
+    from cospeech.gestures.ha2g.networks.identity import export_identity
 
     export_identity(snakemake.input.weights, snakemake.output.identity)

@@ -8,7 +8,7 @@ from job import job, snakemake
 with job():
     from cospeech.clip import Clip
     from cospeech.files import sha256
-    from cospeech.gestures.ha2g.synthesis import SharedGenerator
+    from cospeech.gestures.ha2g.long_speech import SharedGenerator
     from cospeech.speech import load_audio
     from cospeech.synthesis import synthesize
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from job import job, snakemake
 
 with job():
-    from cospeech.gestures.ha2g.corpus import Corpus
-    from cospeech.gestures.ha2g.synthesis import train_shared
+    from cospeech.gestures.ha2g.dataset.corpus import Corpus
+    from cospeech.gestures.ha2g.long_speech import train_shared
 
     train_shared(
         snakemake.params.model,

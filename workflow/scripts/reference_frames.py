@@ -5,7 +5,7 @@ from pathlib import Path
 from job import job, snakemake
 
 with job():
-    from cospeech.gestures.ha2g.references import take_reference_frames
+    from cospeech.gestures.ha2g.dataset.references import take_reference_frames
     from cospeech.split import Split
     from cospeech.track import Track
 

@@ -26,7 +26,7 @@ def annotate(
 
     track : a `Track`. audio : its sound, any file with sound, or None for a film without; at `audio_start` seconds of
     it the track begins. T = round(seconds * fps) of the shorter of both. bones (55,) : the speaker's, from
-    `cleanup.bone_lengths.speaker_bones` over all takes. face_model : a `FaceModel`, by default the embedded one. words : `Words`, or
+    `clean.speaker_bones` over all takes. face_model : a `FaceModel`, by default the embedded one. words : `Words`, or
     those in a file beside the sound. audio_path becomes `clip.audio`. Raises CospeechError for takes that are refused:
     no person, too small a face, mostly hidden, no depth.
     """

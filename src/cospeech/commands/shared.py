@@ -15,7 +15,7 @@ def ensemble_folder(options):
 def generate_shared(options, folder, write):
     """Generate motion for a speech with a network of `folder`; `write(clip, samples, rate)` writes the file."""
     from cospeech.files import sha256
-    from cospeech.gestures.ha2g.synthesis import SharedGenerator
+    from cospeech.gestures.ha2g.long_speech import SharedGenerator
     from cospeech.speech import load_audio, words_of_speech
     from cospeech.synthesis import synthesize
 

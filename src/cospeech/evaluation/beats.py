@@ -11,7 +11,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.evaluation.metrics import beats_of, chance_coverage, change_rate, onset_coverage, rests
-from cospeech.gestures.ha2g.levels import included_angles
+from cospeech.gestures.ha2g.dataset.levels import included_angles
 
 PUBLISHED = {"TED": 0.03, "Expressive": 0.001}  # HA2G's code; what DiffGesture's uses for TED Expressive
 SIGMA = 0.1  # seconds (HA2G eq. 11)

@@ -17,8 +17,8 @@ from torch.nn import functional
 from cospeech.errors import CospeechError
 from cospeech.evaluation.fgd import FRAMES, AutoEncoder, FeatureNet, Reconstruction
 from cospeech.files import sha256
-from cospeech.gestures.ha2g.bones import bone_vectors
-from cospeech.gestures.ha2g.levels import level_table
+from cospeech.gestures.ha2g.dataset.bones import bone_vectors
+from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.learning.training import device, train
 from cospeech.learning.weights import load_weights
 from cospeech.learning.windows import Windows

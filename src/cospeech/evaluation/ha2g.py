@@ -15,7 +15,7 @@ from cospeech.evaluation.evaluate import DRAWS, low_passed, stretches
 from cospeech.evaluation.expressive import STRIDE, clip_vectors
 from cospeech.evaluation.fgd import FRAMES
 from cospeech.evaluation.ha2g_result import Judgement
-from cospeech.gestures.ha2g.levels import level_table
+from cospeech.gestures.ha2g.dataset.levels import level_table
 
 ANGLES = "expressive43"  # the level table whose angles beats are found in
 LOW_PASS = 1.5  # frames: what chapter 4's models are smoothed with, and every row of the summary

@@ -16,8 +16,8 @@ from torch.nn import functional as F
 
 from cospeech.errors import CospeechError
 from cospeech.files import reading_hdf5, writing, writing_hdf5
-from cospeech.gestures.pairs import MotionNetwork, Pairs
-from cospeech.gestures.vectors import motion_to_vectors
+from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
+from cospeech.gestures.chapter4.vectors import motion_to_vectors
 from cospeech.learning.training import autocast, descend, device, train
 from cospeech.learning.unet1d import MULTIPLE, Critic, preset
 from cospeech.learning.weights import load_weights, save_weights

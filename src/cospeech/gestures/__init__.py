@@ -1,1 +1,1 @@
-"""Generators of thesis chapter 4: speech features in, motion of body, hands and face out."""
+"""Generators: speech in, motion out. chapter4 learns one speaker, ha2g many; the baselines are held against both."""

@@ -11,13 +11,13 @@ from torch import nn
 
 from cospeech.errors import CospeechError
 from cospeech.gestures.ha2g import losses
-from cospeech.gestures.ha2g.audio import FEATURES, LEVELS, SpectrogramEncoder
-from cospeech.gestures.ha2g.corpus import FRAMES
-from cospeech.gestures.ha2g.discriminator import Discriminator
-from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
-from cospeech.gestures.ha2g.style import StyleCoordinator, blend, draw, style_of_speakers
+from cospeech.gestures.ha2g.dataset.corpus import FRAMES
+from cospeech.gestures.ha2g.networks.discriminator import Discriminator
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import FEATURES, LEVELS, SpectrogramEncoder
+from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import Cascade, inferred_levels
+from cospeech.gestures.ha2g.networks.style import StyleCoordinator, blend, draw, style_of_speakers
+from cospeech.gestures.ha2g.networks.text import TextEncoder
 from cospeech.gestures.ha2g.task import AdversarialTask
-from cospeech.gestures.ha2g.text import TextEncoder
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import device
 

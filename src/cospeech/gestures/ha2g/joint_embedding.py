@@ -10,12 +10,12 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.gestures.ha2g.audio import FEATURES, WaveEncoder, scaled
-from cospeech.gestures.ha2g.corpus import FRAMES, SEED_FRAMES
-from cospeech.gestures.ha2g.generator import HIDDEN
-from cospeech.gestures.ha2g.gru import GRU
+from cospeech.gestures.ha2g.dataset.corpus import FRAMES, SEED_FRAMES
+from cospeech.gestures.ha2g.networks.gru import GRU
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import FEATURES, WaveEncoder, scaled
+from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import HIDDEN
+from cospeech.gestures.ha2g.networks.text import TextEncoder
 from cospeech.gestures.ha2g.task import WindowTask
-from cospeech.gestures.ha2g.text import TextEncoder
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import descend
 

@@ -6,11 +6,11 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.gestures.ha2g.audio import scaled
-from cospeech.gestures.ha2g.corpus import FRAMES
-from cospeech.gestures.ha2g.gru import GRU
+from cospeech.gestures.ha2g.dataset.corpus import FRAMES
+from cospeech.gestures.ha2g.networks.gru import GRU
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
+from cospeech.gestures.ha2g.networks.text import EMBEDDING, word_embedding
 from cospeech.gestures.ha2g.task import WindowTask
-from cospeech.gestures.ha2g.text import EMBEDDING, word_embedding
 from cospeech.learning.settings import settings_of
 
 HIDDEN = 200

@@ -10,9 +10,9 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.gestures.ha2g.audio import scaled
-from cospeech.gestures.ha2g.corpus import FRAMES, SEED_FRAMES
+from cospeech.gestures.ha2g.dataset.corpus import FRAMES, SEED_FRAMES
 from cospeech.gestures.ha2g.losses import fool_least_squares, judge_least_squares
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 from cospeech.gestures.ha2g.task import AdversarialTask
 from cospeech.learning.settings import settings_of
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 
 import torch
 
-from cospeech.gestures.ha2g.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
+from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
 from cospeech.gestures.ha2g.losses import fool, judge
 from cospeech.learning.training import descend, device
 from cospeech.speech.mel import BINS, COLUMNS, S2G_BINS, S2G_COLUMNS

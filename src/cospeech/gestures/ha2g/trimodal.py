@@ -1,6 +1,6 @@
 """Trimodal (Yoon et al. 2020): words, wave and speaker drive one bidirectional GRU, with a discriminator of poses.
 
-It is the cascade of `generator` with one level, other ears and other weights (reference section 8).
+It is the cascade of `hierarchical_pose_inferer` with one level, other ears and other weights (reference section 8).
 """
 
 from dataclasses import dataclass, field
@@ -9,13 +9,13 @@ import torch
 from torch import nn
 
 from cospeech.gestures.ha2g import losses
-from cospeech.gestures.ha2g.audio import FEATURES, WaveEncoder
-from cospeech.gestures.ha2g.corpus import FRAMES
-from cospeech.gestures.ha2g.discriminator import Discriminator
-from cospeech.gestures.ha2g.generator import Cascade, inferred_levels
-from cospeech.gestures.ha2g.style import SpeakerStyle, draw
+from cospeech.gestures.ha2g.dataset.corpus import FRAMES
+from cospeech.gestures.ha2g.networks.discriminator import Discriminator
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import FEATURES, WaveEncoder
+from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import Cascade, inferred_levels
+from cospeech.gestures.ha2g.networks.style import SpeakerStyle, draw
+from cospeech.gestures.ha2g.networks.text import TextEncoder
 from cospeech.gestures.ha2g.task import AdversarialTask
-from cospeech.gestures.ha2g.text import TextEncoder
 from cospeech.learning.settings import settings_of
 
 

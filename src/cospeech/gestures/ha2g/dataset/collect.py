@@ -6,11 +6,11 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
-from cospeech.gestures.ha2g.bones import bone_vectors, mean_lengths, measure_figure
-from cospeech.gestures.ha2g.corpus import FPS, FRAMES, SAMPLES, STRIDE, Corpus, check_rate
-from cospeech.gestures.ha2g.filters import Filters, mean_pose
-from cospeech.gestures.ha2g.levels import level_table
-from cospeech.gestures.ha2g.vocabulary import Vocabulary, check_words, warn_of_other_transcript
+from cospeech.gestures.ha2g.dataset.bones import bone_vectors, mean_lengths, measure_figure
+from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, STRIDE, Corpus, check_rate
+from cospeech.gestures.ha2g.dataset.filters import Filters, mean_pose
+from cospeech.gestures.ha2g.dataset.levels import level_table
+from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary, check_words, warn_of_other_transcript
 from cospeech.speech.mel import HOP, log_mel, log_mel_s2g
 from cospeech.speech.mfcc import RATE
 
@@ -98,7 +98,7 @@ def _vocabulary(takes, embeddings, least, seed):
     elif embeddings is None:
         notice(f"no word vectors given: those of {vocabulary.size - 4} words are learned from scratch")
     else:
-        from cospeech.gestures.ha2g.embeddings import read_embeddings
+        from cospeech.gestures.ha2g.dataset.embeddings import read_embeddings
 
         return vocabulary.with_vectors(read_embeddings(embeddings, set(vocabulary.words[4:])), seed)
     return vocabulary

@@ -2,8 +2,8 @@
 
 from torch import nn
 
-from cospeech.gestures.ha2g.audio import scaled
-from cospeech.gestures.ha2g.gru import GRU
+from cospeech.gestures.ha2g.networks.gru import GRU
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 
 UNPADDED = 6  # frames that its three convolutions eat
 

@@ -5,8 +5,8 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.errors import CospeechError
-from cospeech.gestures.ha2g.audio import scaled
-from cospeech.gestures.ha2g.gru import GRU
+from cospeech.gestures.ha2g.networks.gru import GRU
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 
 HIDDEN = 300
 

@@ -16,14 +16,14 @@ def gesture_task(model, clips, settings, seed, control=None):
     control : for those of `CONTROLLED`, their signal in every clip, list of (T,).
     """
     if model == "moglow" or model in CONTROLLED:
-        from cospeech.gestures.moglow import MoGlowTask, Settings
+        from cospeech.gestures.chapter4.moglow import MoGlowTask, Settings
 
         return MoGlowTask(clips, settings_of(Settings(), settings, model), seed, model, control)
     if model == "lstm":
-        from cospeech.gestures.lstm import LSTMTask, Settings
+        from cospeech.gestures.chapter4.lstm import LSTMTask, Settings
 
         return LSTMTask(clips, settings_of(Settings(), settings, model), seed)
-    from cospeech.gestures.gesture_gan import GestureTask, Settings
+    from cospeech.gestures.chapter4.gesture_gan import GestureTask, Settings
 
     defaults = replace(Settings(), adversary=ADVERSARY[model])
     return GestureTask(clips, settings_of(defaults, settings, model), seed, model)

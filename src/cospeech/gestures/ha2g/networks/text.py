@@ -4,7 +4,7 @@ from torch import nn
 from torch.nn import functional as F
 from torch.nn.utils.parametrizations import weight_norm
 
-from cospeech.gestures.ha2g.audio import FEATURES, scaled
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import FEATURES, scaled
 
 EMBEDDING = 300  # size of a word vector
 CHANNELS = 300

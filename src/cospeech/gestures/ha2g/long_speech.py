@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
-from cospeech.gestures.ha2g.bones import Figure, motion_from_vectors
-from cospeech.gestures.ha2g.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
-from cospeech.gestures.ha2g.levels import level_table
-from cospeech.gestures.ha2g.references import SUFFIX, ReferenceFrames
-from cospeech.gestures.ha2g.vocabulary import Vocabulary
+from cospeech.gestures.ha2g.dataset.bones import Figure, motion_from_vectors
+from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
+from cospeech.gestures.ha2g.dataset.levels import level_table
+from cospeech.gestures.ha2g.dataset.references import SUFFIX, ReferenceFrames
+from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary
 from cospeech.learning.weights import OnnxNetwork
 from cospeech.speech.mel import COLUMNS, HOP, S2G_COLUMNS, S2G_HOP, column_at, log_mel, log_mel_s2g
 from cospeech.speech.mfcc import RATE
@@ -44,7 +44,7 @@ def train_shared(model, corpus, settings, *, seed, folder, imagenet=None, checkp
         torch.set_num_threads(threads)
     task = ha2g_task(model, corpus, settings, seed)
     if "picture" in task.description:
-        from cospeech.gestures.ha2g.identity import load_imagenet
+        from cospeech.gestures.ha2g.networks.identity import load_imagenet
 
         load_imagenet(task.generator.style.encoder, imagenet)
     description = task.description | {

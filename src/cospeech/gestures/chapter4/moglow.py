@@ -14,8 +14,8 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from torch._higher_order_ops import scan
 from torch.nn import functional as F
 
-from cospeech.gestures.flow import LAYERS, Flow
-from cospeech.gestures.pairs import MotionNetwork, Pairs
+from cospeech.gestures.chapter4.flow import LAYERS, Flow
+from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
 from cospeech.learning.training import device
 
 MOTION = ("body", "hands")

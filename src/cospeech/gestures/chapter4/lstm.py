@@ -10,7 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.gestures.pairs import MotionNetwork, Pairs
+from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
 from cospeech.learning.training import autocast, descend, device
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cospeech.gestures.vectors import vectors_to_motion
+from cospeech.gestures.chapter4.vectors import vectors_to_motion
 from cospeech.learning.weights import OnnxNetwork
 
 

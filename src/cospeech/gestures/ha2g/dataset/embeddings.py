@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.gestures.ha2g.vocabulary import DIMENSIONS
+from cospeech.gestures.ha2g.dataset.vocabulary import DIMENSIONS
 
 MAGIC = 793712314  # of fastText's binary files
 PACKED = {b"\x1f\x8b": "gzip", b"PK": "zip"}

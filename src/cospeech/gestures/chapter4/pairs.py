@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from cospeech.gestures.vectors import motion_to_vectors
+from cospeech.gestures.chapter4.vectors import motion_to_vectors
 from cospeech.learning.training import device
 from cospeech.learning.windows import Windows
 

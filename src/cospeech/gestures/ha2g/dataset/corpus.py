@@ -14,9 +14,9 @@ import numpy as np
 from cospeech.clip import put_strings
 from cospeech.errors import CospeechError
 from cospeech.files import put, reading_hdf5, writing_hdf5
-from cospeech.gestures.ha2g.bones import Figure
-from cospeech.gestures.ha2g.levels import included_angles, level_table
-from cospeech.gestures.ha2g.vocabulary import Vocabulary
+from cospeech.gestures.ha2g.dataset.bones import Figure
+from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
+from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary
 from cospeech.speech.mel import COLUMNS, HOP, S2G_COLUMNS, S2G_HOP, column_at
 from cospeech.speech.mfcc import RATE
 

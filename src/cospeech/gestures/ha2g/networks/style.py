@@ -8,8 +8,8 @@ an embedding of each (as released), or what they look like (as published).
 import torch
 from torch import nn
 
-from cospeech.gestures.ha2g.audio import LEVELS
-from cospeech.gestures.ha2g.identity import IdentityEncoder
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import LEVELS
+from cospeech.gestures.ha2g.networks.identity import IdentityEncoder
 
 LOOKS = 4  # reference frames of a speaker that are looked at in an iteration: as many as a window's seed poses
 

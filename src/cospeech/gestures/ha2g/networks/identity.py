@@ -10,7 +10,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.errors import CospeechError, notice
-from cospeech.gestures.ha2g.audio import scaled
+from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 from cospeech.learning.weights import load_torchvision
 
 CHANNELS = (64, 128, 256, 512)  # of ResNet-18's four stages, of two blocks each (He et al. 2016, Table 1)

@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.errors import CospeechError
-from cospeech.gestures.pairs import MotionNetwork, Pairs
+from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
 from cospeech.learning.training import autocast, descend, device
 from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
 
