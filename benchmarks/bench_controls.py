@@ -18,8 +18,8 @@ from bench_matching import clustered, random_database
 from cospeech.clip import Clip
 from cospeech.demo import read_take, write_take
 from cospeech.matching import KNN, Database
-from cospeech.matching.seams import SEAMS, borders
-from cospeech.matching.signals import SIGNALS, covered_frames
+from cospeech.matching.control.signals import SIGNALS, covered_frames
+from cospeech.matching.search.seams import SEAMS, borders
 
 CONTROLS = ["left_wrist_height=high@2-20", "left_wrist_speed=fast or symmetry=<0.1@15-40", "strict reach=low@45-"]
 WRISTS = [7, 4]

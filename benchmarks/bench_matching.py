@@ -17,7 +17,7 @@ import numpy as np
 
 from cospeech.clip import Words
 from cospeech.matching import Database, Matcher
-from cospeech.matching.features import Moments, Normalization
+from cospeech.matching.database.descriptors import Moments, Normalization
 
 LITERAL_CLIPS = 60  # the literal loop runs on these and is scaled up
 CORPUS = 123_000 * 8  # queries of the published training part, 64 frames each (thesis 5.3.3)

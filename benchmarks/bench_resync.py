@@ -15,9 +15,9 @@ import numpy as np
 
 from cospeech.demo import read_take, write_take
 from cospeech.matching import Database, Matcher
-from cospeech.matching.pairs import training_pairs
-from cospeech.matching.resync import settings_from
-from cospeech.matching.similarity import Settings, train_similarity
+from cospeech.matching.resync.gan import settings_from
+from cospeech.matching.resync.window_pairs import training_pairs
+from cospeech.matching.search.similarity import Settings, train_similarity
 
 
 def takes(count, seconds):

@@ -67,7 +67,7 @@ def train_model(model, clips, settings, *, seed, folder, checkpoint=None, databa
 
 def _task(model, clips, settings, seed, database, starts):
     if model == "resync":
-        from cospeech.matching.resync import ResyncTask, settings_from
+        from cospeech.matching.resync.gan import ResyncTask, settings_from
 
         return ResyncTask(clips, settings_from(settings), seed, database, starts)
     return gesture_task(model, clips, settings, seed, _control_of(model, clips))
@@ -77,7 +77,7 @@ def _control_of(model, clips):
     """What a control variant is told in training: its signal in every clip, list of (T,); None for other models."""
     if model not in CONTROLLED:
         return None
-    from cospeech.matching.signals import SIGNALS
+    from cospeech.matching.control.signals import SIGNALS
 
     return [SIGNALS[CONTROLLED[model]](clip.positions, clip.fps) for clip in clips]
 
@@ -92,7 +92,7 @@ def training_part(subject_folder):
 def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
     """The generator `model` of the subject whose results lie in `subject_folder`, ready to `generate`.
 
-    audio_rank : "learned" compares speech with motion by the networks of `cospeech.matching.similarity`, if `model`
+    audio_rank : "learned" compares speech with motion by the networks of `matching.search.similarity`, if `model`
         searches.
     """
     check_model(model)
@@ -112,13 +112,13 @@ def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
 
     database = Database.load(subject_folder / "database.h5")
     if audio_rank == "learned":
-        from cospeech.matching.similarity import Similarity
+        from cospeech.matching.search.similarity import Similarity
 
         database = Similarity.load(subject_folder / "models" / "audio_rank" / "weights.safetensors").applied(database)
     knn = KNN(database)
     if model == "knn":
         return knn
-    from cospeech.matching.refine import Resynchronizer
+    from cospeech.matching.resync.refine import Resynchronizer
 
     return Resynchronizer(knn, onnx, threads)
 
@@ -149,7 +149,7 @@ class ControlledSampler:
 
     def target(self, controls, frames):
         """(T,) in the signal's unit; of controls that overlap the last one holds."""
-        from cospeech.matching.controls import Control
+        from cospeech.matching.control.controls import Control
 
         percentiles, fps = self.sampler.targets, self.sampler.description["fps"]
         target = np.full(frames, percentiles[50], np.float32)
@@ -187,7 +187,7 @@ def synthesize(
     samples (N,) float32 mono, rate : the speech.
     smoothing : sigma in frames; None is the published 1.5 for networks and none for plain k-NN, whose frames are the
         speaker's own. The value is kept in the clip's attribute `smoothing`.
-    replace : frames to take from other clips at last, see `cospeech.matching.replace.Replacement.of`.
+    replace : frames to take from other clips at last, see `cospeech.matching.control.replace.Replacement.of`.
     options : passed to the generator (k, initial, mask...); `words` too, when there are controls that may need them.
     """
     from cospeech.speech import integrated_loudness, speech_features
@@ -204,7 +204,7 @@ def synthesize(
         options["words"] = words
     motion = smooth(generator.generate(features, seed=seed, **options), smoothing)
     if replace:
-        from cospeech.matching.replace import replaced
+        from cospeech.matching.control.replace import replaced
 
         motion = replaced(motion, replace, fps)
     return Clip(

@@ -16,7 +16,7 @@ from cospeech.evaluation.result import Evaluation
 from cospeech.evaluation.tables import write_csv as write_table
 from cospeech.evaluation.variants import METRICS, VARIANTS, evaluate_variants, ordered
 from cospeech.matching import KNN, Database
-from cospeech.matching.signals import LEFT
+from cospeech.matching.control.signals import LEFT
 from cospeech.render.control import control_section
 from cospeech.render.curves import plot_control
 from cospeech.synthesis import ControlledSampler

@@ -11,7 +11,7 @@ from cospeech.errors import CospeechError
 from cospeech.gestures.chapter4.flow import LAYERS, Flow
 from cospeech.gestures.chapter4.inference import Sampler
 from cospeech.gestures.chapter4.moglow import AVERAGED, MoGlowTask, Settings, averaged
-from cospeech.matching.signals import SIGNALS
+from cospeech.matching.control.signals import SIGNALS
 from cospeech.synthesis import load_network, train_model
 from tests.conftest import make_clip
 

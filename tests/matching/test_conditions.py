@@ -7,11 +7,11 @@ import torch
 from cospeech.errors import CospeechError
 from cospeech.learning.training import train
 from cospeech.matching import KNN, Database
-from cospeech.matching.conditions import CONDITIONS, Conditions
-from cospeech.matching.pairs import relative
-from cospeech.matching.refine import Resynchronizer
-from cospeech.matching.resync import ResyncTask, settings_from
-from cospeech.matching.signals import SIGNALS
+from cospeech.matching.control.signals import SIGNALS
+from cospeech.matching.resync.conditions import CONDITIONS, Conditions
+from cospeech.matching.resync.gan import ResyncTask, settings_from
+from cospeech.matching.resync.refine import Resynchronizer
+from cospeech.matching.resync.window_pairs import relative
 from cospeech.synthesis import train_model
 from tests.conftest import make_clip
 

@@ -12,10 +12,10 @@ from cospeech.clip import Clip
 from cospeech.demo import read_take, write_take
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.matching import KNN, Database
-from cospeech.matching.controls import Control, Wanted
-from cospeech.matching.refine import Resynchronizer
-from cospeech.matching.signals import SIGNALS, ControlSignals, signal
-from cospeech.matching.tables import explain
+from cospeech.matching.control.controls import Control, Wanted
+from cospeech.matching.control.signals import SIGNALS, ControlSignals, signal
+from cospeech.matching.explain import explain
+from cospeech.matching.resync.refine import Resynchronizer
 from cospeech.matching.trace import trace_of
 from cospeech.speech import write_wav
 from cospeech.split import split_clips

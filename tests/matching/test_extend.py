@@ -11,8 +11,8 @@ from cospeech.clip import Clip, Words
 from cospeech.commands import database as command
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.matching import KNN, Database, Matcher
-from cospeech.matching.database import extend
-from cospeech.matching.signals import SIGNALS, ControlSignals, load_plugins, signal
+from cospeech.matching.control.signals import SIGNALS, ControlSignals, load_plugins, signal
+from cospeech.matching.database.motion_database import extend
 
 LENGTHS = {"a": 300, "b": 129, "c": 64, "d": 207}
 

@@ -9,8 +9,8 @@ from cospeech.clip import Clip, Words
 from cospeech.demo import read_take, write_take
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.matching import KNN, Database
-from cospeech.matching.features import pose_features
-from cospeech.matching.keywords import Keyword, apex, gestures_of_word, spoken
+from cospeech.matching.control.keywords import Keyword, apex, gestures_of_word, spoken
+from cospeech.matching.database.descriptors import pose_features
 from cospeech.skeleton import bone_lengths
 from tests.matching.reference import algorithm1
 

@@ -65,7 +65,7 @@ def test_ranks_of_the_fakes_are_mixed_as_published(database, monkeypatch):
         drawn.append(k)
         raise Found
 
-    monkeypatch.setattr("cospeech.matching.search.Matcher.search_batch", record)
+    monkeypatch.setattr("cospeech.matching.search.matcher.Matcher.search_batch", record)
     with pytest.raises(Found):
         fake_pairs(database, np.zeros((4000, 64, 28)), ["one"] * 4000)
     counts = np.bincount(drawn[0], minlength=17) / 4000

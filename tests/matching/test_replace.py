@@ -5,8 +5,8 @@ import pytest
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError
-from cospeech.matching.replace import Replacement, replaced
-from cospeech.matching.seams import BLEND
+from cospeech.matching.control.replace import Replacement, replaced
+from cospeech.matching.search.seams import BLEND
 from cospeech.skeleton import bone_lengths, to_parent_relative
 from tests.conftest import make_clip
 

@@ -8,9 +8,9 @@ import torch
 
 from cospeech.errors import CospeechError
 from cospeech.matching import KNN, Database
-from cospeech.matching.pairs import training_pairs
-from cospeech.matching.refine import Resynchronizer
-from cospeech.matching.resync import PRESETS, Kept, ResyncNetwork, ResyncTask, gradient_penalty, settings_from
+from cospeech.matching.resync.gan import PRESETS, Kept, ResyncNetwork, ResyncTask, gradient_penalty, settings_from
+from cospeech.matching.resync.refine import Resynchronizer
+from cospeech.matching.resync.window_pairs import training_pairs
 from cospeech.skeleton import bone_lengths, to_parent_relative
 from cospeech.synthesis import train_model
 from tests.conftest import make_clip

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from cospeech.errors import CospeechError
 from cospeech.matching import KNN, Database
-from cospeech.matching.seams import (
+from cospeech.matching.search.seams import (
     BLEND,
     HALF_LIFE,
     borders,

@@ -6,7 +6,7 @@ import yaml
 
 from cospeech.errors import CospeechError
 from cospeech.matching import KNN, Database, Matcher
-from cospeech.matching.similarity import Settings, Similarity, motion_windows, train_similarity, usable
+from cospeech.matching.search.similarity import Settings, Similarity, motion_windows, train_similarity, usable
 from cospeech.synthesis import load_generator
 from tests.conftest import make_clip
 from tests.workflow.conftest import ROOT

@@ -6,8 +6,8 @@ import pytest
 from cospeech.clip import Clip, Words
 from cospeech.commands.describe import describe
 from cospeech.matching import KNN, Database
-from cospeech.matching.keywords import Keyword
-from cospeech.matching.tables import explain
+from cospeech.matching.control.keywords import Keyword
+from cospeech.matching.explain import explain
 
 FPS = 15.0
 

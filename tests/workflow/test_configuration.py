@@ -156,7 +156,7 @@ def test_budget_keys_are_the_trainings_settings():
     from cospeech.gestures.chapter4.gesture_gan import Settings as Gesture
     from cospeech.gestures.chapter4.lstm import Settings as LSTM
     from cospeech.gestures.chapter4.moglow import Settings as MoGlow
-    from cospeech.matching.resync import Settings as Resync
+    from cospeech.matching.resync.gan import Settings as Resync
 
     schema = read_yaml(SCHEMAS / "budget.schema.yaml")
     sections = {"lstm": LSTM, "moglow": MoGlow, "resync": Resync, "feature_net": FeatureNet, "sync_classifier": Sync}
@@ -171,7 +171,7 @@ def test_paper_budget_holds_the_published_values():
     from cospeech.gestures.chapter4.gesture_gan import Settings as Gesture
     from cospeech.gestures.chapter4.lstm import Settings as LSTM
     from cospeech.gestures.chapter4.moglow import Settings as MoGlow
-    from cospeech.matching.resync import Settings as Resync
+    from cospeech.matching.resync.gan import Settings as Resync
 
     paper = read_yaml(ROOT / "config/budgets/paper.yaml")
     check(paper, "budget", "paper.yaml")

@@ -8,7 +8,7 @@ with job():
     from cospeech.learning.settings import settings_of
     from cospeech.learning.training import finish
     from cospeech.matching import Database
-    from cospeech.matching.similarity import Settings, train_similarity
+    from cospeech.matching.search.similarity import Settings, train_similarity
 
     torch.set_num_threads(snakemake.threads)
     settings = settings_of(Settings(), snakemake.params.settings, "audio_rank")

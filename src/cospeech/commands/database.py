@@ -36,7 +36,7 @@ def _info(options):
 def _extend(options):
     """Add the takes of clip files to a database. The result is what building it from all takes would give."""
     from cospeech.clip import Clip
-    from cospeech.matching.database import extend
+    from cospeech.matching.database.motion_database import extend
 
     database = extend(options.database, [Clip.read(path) for path in options.clips], options.out)
     print(f"{options.out or options.database}: {len(database)} clips of {len(database.takes)} takes")

@@ -60,12 +60,12 @@ def _run(options):
 
 
 def _list_controls(options):
-    from cospeech.matching.tables import listing
+    from cospeech.matching.explain import listing
 
     signals = None
     if options.subject:
         from cospeech.matching import Database
-        from cospeech.matching.signals import ControlSignals
+        from cospeech.matching.control.signals import ControlSignals
 
         folder, _ = _results(options)
         signals = ControlSignals(Database.load(folder / "database.h5"))
@@ -109,7 +109,7 @@ def _generate(options):
     _write(clip, options.out, samples, rate)
     print(f"{options.out}: {clip.frames} frames, {clip.duration:.2f} s at {clip.fps:g} fps")
     if options.explain:
-        from cospeech.matching.tables import explain
+        from cospeech.matching.explain import explain
 
         print(explain(clip.trace, clip.fps))
 
@@ -126,8 +126,8 @@ def _search_options(options):
         raise CospeechError("--gestures has gestures for --keyword; name one, as in --keyword huge=wide")
     controls, keywords = asked.pop("control", []), asked.pop("keyword", [])
     if controls or keywords:
-        from cospeech.matching.controls import Control
-        from cospeech.matching.keywords import Keyword
+        from cospeech.matching.control.controls import Control
+        from cospeech.matching.control.keywords import Keyword
 
         asked["controls"] = [*map(Control.parse, controls), *map(Keyword.parse, keywords)]
     return asked

@@ -12,8 +12,8 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.evaluation.tables import number
 from cospeech.files import put, reading_hdf5, writing, writing_hdf5
-from cospeech.matching.controls import Wanted
-from cospeech.matching.signals import SIGNALS
+from cospeech.matching.control.controls import Wanted
+from cospeech.matching.control.signals import SIGNALS
 from cospeech.synthesis import smooth, usual_smoothing
 
 SCHEMA = "cospeech.control"

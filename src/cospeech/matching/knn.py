@@ -2,11 +2,11 @@
 
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
-from cospeech.matching.controlled import search
-from cospeech.matching.keywords import Gestures, read_gestures
-from cospeech.matching.seams import check_seams, smoothed
-from cospeech.matching.search import Matcher
-from cospeech.matching.signals import ControlSignals
+from cospeech.matching.control.controlled import search
+from cospeech.matching.control.keywords import Gestures, read_gestures
+from cospeech.matching.control.signals import ControlSignals
+from cospeech.matching.search.matcher import Matcher
+from cospeech.matching.search.seams import check_seams, smoothed
 from cospeech.matching.trace import trace_of
 
 
@@ -24,7 +24,7 @@ class KNN:
         """(T, 28) speech features -> `Match`: clip, frame, take and time of every window. Options: `Matcher.search`.
 
         It starts from the pose of a random frame, as all published runs do. With `controls` (see
-        `cospeech.matching.controlled.search`) it is a `ControlledMatch`; those that name a keyword need the `Words` of
+        `matching.control.controlled.search`) it is a `ControlledMatch`; those that name a keyword need the `Words` of
         the speech, and may use `gestures`, a file of the user's own (see `read_gestures`).
         """
         database = self.matcher.database
@@ -42,7 +42,7 @@ class KNN:
     def generate(self, features, *, seed=0, report=None, seams="off", **options):
         """(T, 28) speech features -> Motion of T frames, with head rotations if the database has them, and its Trace.
 
-        `seams` : what happens where one window follows another, see `cospeech.matching.seams.smoothed`; "off" is
+        `seams` : what happens where one window follows another, see `cospeech.matching.search.seams.smoothed`; "off" is
         Algorithm 1. `report` is called with the `Match`, for callers that want to know where the motion is from.
         """
         seams = seams or "off"  # YAML reads a bare off as false

@@ -3,8 +3,8 @@
 import numpy as np
 
 from cospeech.clip import Trace
-from cospeech.matching.controlled import ControlledMatch, clips_of
-from cospeech.matching.features import WINDOW
+from cospeech.matching.control.controlled import ControlledMatch, clips_of
+from cospeech.matching.database.descriptors import WINDOW
 
 NUMBERS = ("clip", "frame", "pose_rank", "audio_rank", "pose_distance", "audio_distance")
 

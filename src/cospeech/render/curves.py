@@ -7,7 +7,7 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.evaluation.control import BEFORE, FREE
 from cospeech.files import writing
-from cospeech.matching.signals import SIGNALS
+from cospeech.matching.control.signals import SIGNALS
 
 PANELS = (
     ("left_wrist_height", "high"), ("left_wrist_speed", "fast"), ("left_wrist_height", "low"),

@@ -11,7 +11,7 @@ import numpy as np
 
 from cospeech.clip import FEATURES, Words
 from cospeech.errors import CospeechError, notice
-from cospeech.matching.features import (
+from cospeech.matching.database.descriptors import (
     AUDIO_STEPS,
     LOOKAHEAD,
     POSE_STEPS,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.matching.features import WINDOW, ahead
+from cospeech.matching.database.descriptors import WINDOW, ahead
 
 
 class Masks:

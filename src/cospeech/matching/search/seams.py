@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
-from cospeech.matching.features import WINDOW
-from cospeech.matching.sources import following
+from cospeech.matching.database.descriptors import WINDOW
+from cospeech.matching.database.sources import following
 from cospeech.rotation import between
 from cospeech.skeleton import UPPER55, from_parent_relative, to_parent_relative
 

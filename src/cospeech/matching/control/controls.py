@@ -11,8 +11,8 @@ from functools import reduce
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
-from cospeech.matching.features import WINDOW, ahead
-from cospeech.matching.signals import SIGNALS
+from cospeech.matching.control.signals import SIGNALS
+from cospeech.matching.database.descriptors import WINDOW, ahead
 
 OUTER = 85  # percentile of the upper levels; the lower ones have 100 - 85 = 15 (thesis Table 5.3)
 NUMBER = r"(?:\d+\.?\d*|\.\d+)"

@@ -14,7 +14,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.learning.weights import load_weights, save_weights
-from cospeech.matching.features import AUDIO_WIDTH, POSE_WIDTH, Normalization
+from cospeech.matching.database.descriptors import AUDIO_WIDTH, POSE_WIDTH, Normalization
 
 BLOCK = 16384  # frames of the database embedded at a time
 TOWERS = ("audio", "motion")

@@ -1,6 +1,6 @@
 """Control signals: one number per frame, a function of the positions, to which a user adds by one function.
 
-    from cospeech.matching.signals import signal
+    from cospeech.matching.control.signals import signal
 
     @signal("m")
     def head_height(positions, fps):
@@ -16,8 +16,8 @@ from importlib.metadata import entry_points
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.matching.features import WINDOW
-from cospeech.matching.sources import stretches
+from cospeech.matching.database.descriptors import WINDOW
+from cospeech.matching.database.sources import stretches
 from cospeech.skeleton import UPPER55
 
 LEFT, RIGHT = UPPER55.joints("left_wrist", "right_wrist")

@@ -7,12 +7,12 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
-from cospeech.matching.controls import Control, Wanted
-from cospeech.matching.features import POSE_WIDTH, WINDOW
-from cospeech.matching.keywords import Gesture, Keyword
-from cospeech.matching.match import STEP, Match
-from cospeech.matching.search import COMPILED_WORK, Matcher, checked
-from cospeech.matching.steps import steps_kept, tested
+from cospeech.matching.control.controls import Control, Wanted
+from cospeech.matching.control.keywords import Gesture, Keyword
+from cospeech.matching.control.steps import steps_kept, tested
+from cospeech.matching.database.descriptors import POSE_WIDTH, WINDOW
+from cospeech.matching.search.match import STEP, Match
+from cospeech.matching.search.matcher import COMPILED_WORK, Matcher, checked
 
 WIDENED = (75, 60)  # what a bound gives way to, in turn, when no window of the database is left; then it is set aside
 OFF = "off"
@@ -40,7 +40,7 @@ class ControlledMatch(Match):
 
     controls (W,) : tuples of the texts that each window follows. candidates (W,) : clips with a window that fits.
     widened (W,) : "" as asked, "percentile 75", "percentile 60" or "off", what it took to find any; "step ..." if only
-        the step into the window was widened (see `cospeech.matching.steps`).
+        the step into the window was widened (see `cospeech.matching.control.steps`).
     inserted : gestures that keywords called for. In their windows candidates are gestures, ranks and distances -1; clip
         and frame too, where the gesture is a user's own.
     """

@@ -10,8 +10,8 @@ import numpy as np
 
 from cospeech.clip import Clip, Trace
 from cospeech.errors import CospeechError
-from cospeech.matching.controls import NUMBER
-from cospeech.matching.seams import BLEND, cross_fade, cross_fade_rotation
+from cospeech.matching.control.controls import NUMBER
+from cospeech.matching.search.seams import BLEND, cross_fade, cross_fade_rotation
 from cospeech.skeleton import bone_lengths, with_bone_lengths
 
 KEYS = ("start", "end", "clip", "at")

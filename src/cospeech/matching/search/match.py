@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cospeech.matching.database import Database
+from cospeech.matching.database.motion_database import Database
 
 # One step of Algorithm 1: where the window starts, its ranks and distances, and whether the mask was set aside for it.
 STEP = np.dtype(

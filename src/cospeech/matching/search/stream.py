@@ -3,10 +3,10 @@
 import numpy as np
 
 from cospeech.clip import FEATURES
-from cospeech.matching.features import LOOKAHEAD, WINDOW
-from cospeech.matching.masks import Masks
-from cospeech.matching.match import STEP, Match
-from cospeech.matching.search import check_options, checked, tell
+from cospeech.matching.database.descriptors import LOOKAHEAD, WINDOW
+from cospeech.matching.search.masks import Masks
+from cospeech.matching.search.match import STEP, Match
+from cospeech.matching.search.matcher import check_options, checked, tell
 
 COMPILED_CLIPS = 500  # from which compiled kernels are used, as nobody knows how long the speech will be
 

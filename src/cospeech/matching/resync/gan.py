@@ -16,8 +16,8 @@ from cospeech.errors import CospeechError, notice
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import autocast, descend, device
 from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
-from cospeech.matching.conditions import Conditions, check_conditions
-from cospeech.matching.pairs import moments, training_pairs
+from cospeech.matching.resync.conditions import Conditions, check_conditions
+from cospeech.matching.resync.window_pairs import moments, training_pairs
 from cospeech.skeleton import bone_lengths
 
 MOTION_CHANNELS = 165

@@ -13,8 +13,8 @@ import yaml
 
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError
-from cospeech.matching.features import WINDOW, pose_features
-from cospeech.matching.sources import stretches, usable_frames
+from cospeech.matching.database.descriptors import WINDOW, pose_features
+from cospeech.matching.database.sources import stretches, usable_frames
 from cospeech.skeleton import UPPER55, bone_lengths, with_bone_lengths
 
 WRISTS = UPPER55.joints("right_wrist", "left_wrist")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cospeech.matching.features import LOOKAHEAD, WINDOW
+from cospeech.matching.database.descriptors import LOOKAHEAD, WINDOW
 
 
 def stretches(database):

@@ -1,8 +1,8 @@
 """Tables for people: where a motion is from, and what can be controlled."""
 
-from cospeech.matching.controls import OUTER
-from cospeech.matching.features import WINDOW
-from cospeech.matching.signals import SIGNALS
+from cospeech.matching.control.controls import OUTER
+from cospeech.matching.control.signals import SIGNALS
+from cospeech.matching.database.descriptors import WINDOW
 
 
 def explain(trace, fps):

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.matching.database import Database
-from cospeech.matching.features import WINDOW
-from cospeech.matching.search import Matcher
+from cospeech.matching.database.descriptors import WINDOW
+from cospeech.matching.database.motion_database import Database
+from cospeech.matching.search.matcher import Matcher
 
 BEST_SHARE = 0.5  # of the sequences that take the best candidate
 OTHER_RANKS = (2, 15)  # the rest take one k for all their windows, uniform in this closed range

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cospeech.learning.windows import Windows
-from cospeech.matching.fakes import fake_pairs
+from cospeech.matching.resync.fakes import fake_pairs
 from cospeech.skeleton import to_parent_relative
 
 BLOCK = 512  # windows of k-NN motion that statistics gather at a time

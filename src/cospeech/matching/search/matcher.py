@@ -8,9 +8,9 @@ import numpy as np
 
 from cospeech.clip import FEATURES
 from cospeech.errors import CospeechError, notice
-from cospeech.matching.features import POSE_WIDTH, WINDOW, ahead, audio_features
-from cospeech.matching.masks import Masks
-from cospeech.matching.match import STEP, Match
+from cospeech.matching.database.descriptors import POSE_WIDTH, WINDOW, ahead, audio_features
+from cospeech.matching.search.masks import Masks
+from cospeech.matching.search.match import STEP, Match
 
 VARIANTS = ("pose", "audio", "pose_only")
 COMPILED_WORK = 40_000  # clips x windows from which compiled kernels pay for their start of about a second
@@ -101,7 +101,7 @@ class Matcher:
 
         mask : as in `search`, or a function of the window's number that gives its (M, F) bool mask, or None for none.
         """
-        from cospeech.matching.stream import Stream
+        from cospeech.matching.search.stream import Stream
 
         matcher = self if placement is None else self.placed(placement)
         return Stream(matcher, k, mask, initial, seed, variant, exclude_take)
@@ -203,8 +203,8 @@ class Matcher:
 
     def _select_compiled(self, allowed, variant, queries, k, excluded):
         """The same through `kernels`."""
-        from cospeech.matching import kernels
-        from cospeech.matching.compact import Index
+        from cospeech.matching.search import kernels
+        from cospeech.matching.search.compact import Index
 
         rows, before = self._compared(variant)
         angular = rows[-1]

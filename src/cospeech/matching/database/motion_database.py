@@ -10,10 +10,18 @@ from cospeech import __version__
 from cospeech.clip import Words
 from cospeech.errors import CospeechError, notice
 from cospeech.files import put, reading_hdf5, writing_hdf5
-from cospeech.matching.build import Parts, check, check_lengths, joined_parts, parts_of
-from cospeech.matching.features import AUDIO_WIDTH, LOOKAHEAD, POSE_WIDTH, STATIC, WINDOW, Moments, Normalization
-from cospeech.matching.signals import SIGNALS, Signal, StoredSignal, covered_frames, signal_values
-from cospeech.matching.sources import stretches
+from cospeech.matching.control.signals import SIGNALS, Signal, StoredSignal, covered_frames, signal_values
+from cospeech.matching.database.cutting import Parts, check, check_lengths, joined_parts, parts_of
+from cospeech.matching.database.descriptors import (
+    AUDIO_WIDTH,
+    LOOKAHEAD,
+    POSE_WIDTH,
+    STATIC,
+    WINDOW,
+    Moments,
+    Normalization,
+)
+from cospeech.matching.database.sources import stretches
 from cospeech.skeleton import UPPER55
 
 SCHEMA = "cospeech.database"

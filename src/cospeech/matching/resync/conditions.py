@@ -1,13 +1,13 @@
 """The control signals of a motion inside a network: differentiable, and part of its ONNX file.
 
-The same numbers as `cospeech.matching.signals` gives, for what can be a condition of the resynchroniser.
+The same numbers as `cospeech.matching.control.signals` gives, for what can be a condition of the resynchroniser.
 """
 
 import torch
 from torch import nn
 
 from cospeech.errors import CospeechError
-from cospeech.matching.signals import LEFT, RIGHT
+from cospeech.matching.control.signals import LEFT, RIGHT
 from cospeech.skeleton import UPPER55
 
 CONDITIONS = {

@@ -7,7 +7,7 @@ are read in float32. The live query is as fast as memory can be read, so this is
 import numpy as np
 from numba import njit, prange
 
-from cospeech.matching.keys import FAST, MASKED, ROUNDING
+from cospeech.matching.search.keys import FAST, MASKED, ROUNDING
 
 
 @njit(cache=True, parallel=True, fastmath=FAST)

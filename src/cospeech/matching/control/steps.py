@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from cospeech.matching.signals import SIGNALS
+from cospeech.matching.control.signals import SIGNALS
 from cospeech.skeleton import UPPER55
 
 STEPS = (75, 60, 45, 30)  # percentiles (mirrored for upper bounds) that the step gives way to; then it is not tested

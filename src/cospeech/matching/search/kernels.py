@@ -1,4 +1,4 @@
-"""Compiled kernels of the search: every clip's best frame. Only `search.py` imports this, when a job is large enough to
+"""Compiled kernels of the search: every clip's best frame. Only `matcher` imports this, when a job is large enough to
 pay for numba's start.
 
 Exact and fast: float32 passes give every candidate a key and a bound on that key's error; where two keys are nearer
@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit, prange
 
 from cospeech.learning.multiply import COLUMNS, ROWS, multiply_tile
-from cospeech.matching.compact import near
-from cospeech.matching.features import WINDOW
-from cospeech.matching.keys import FAST, MASKED, cosine, distance, exact_key, key_bound
-from cospeech.matching.ranks import choose, choose_many
+from cospeech.matching.database.descriptors import WINDOW
+from cospeech.matching.search.compact import near
+from cospeech.matching.search.keys import FAST, MASKED, cosine, distance, exact_key, key_bound
+from cospeech.matching.search.ranks import choose, choose_many
 
 BLOCK = 64  # clips that a thread takes at a time
 FEW = 3  # queries up to which one after the other is faster than together

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit, prange
 
-from cospeech.matching.keys import MASKED, exact_key, key_bound
+from cospeech.matching.search.keys import MASKED, exact_key, key_bound
 
 
 @njit(cache=True)

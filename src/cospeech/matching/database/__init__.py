@@ -1,0 +1,1 @@
+"""The database: the training takes cut into clips, with what the search compares."""

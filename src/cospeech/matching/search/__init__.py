@@ -1,0 +1,1 @@
+"""Algorithm 1: which eight frames of the database come next."""
