@@ -8,7 +8,7 @@ import time
 import numpy as np
 from scipy.linalg import sqrtm
 
-from cospeech.evaluation import metrics
+from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.skeleton import UPPER55
 
 

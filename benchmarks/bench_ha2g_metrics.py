@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from sklearn.cross_decomposition import CCA
 
-from cospeech.evaluation import beats, genea
-from cospeech.evaluation.expressive import Ruler, _network
-from cospeech.evaluation.metrics import onset_coverage
+from cospeech.evaluation.metrics import beats, genea
+from cospeech.evaluation.metrics.expressive import Ruler, _network
+from cospeech.evaluation.metrics.gesture_metrics import onset_coverage
 from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
 
 TABLE = level_table("expressive43")

@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from cospeech.demo import read_take, write_take
-from cospeech.demo.annotation import EXPRESSIONS, HEADINGS, annotation_errors, judge_learning, write_errors
 from cospeech.demo.film import SETTINGS, build_set, draw_take, film_take
 from cospeech.demo.take import read_motion
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.evaluation.fgd import Settings, train_feature_net
+from cospeech.evaluation.annotation import EXPRESSIONS, HEADINGS, annotation_errors, judge_learning, write_errors
+from cospeech.evaluation.metrics.fgd import Settings, train_feature_net
 from cospeech.face.expressions import COSPEECH64
 from cospeech.skeleton import RIGHT_HAND, UPPER55
 

@@ -88,6 +88,6 @@ def training_part():
 @pytest.fixture(scope="session")
 def feature_net(training_part):
     """A feature network after a short training."""
-    from cospeech.evaluation.fgd import Settings, train_feature_net
+    from cospeech.evaluation.metrics.fgd import Settings, train_feature_net
 
     return train_feature_net(training_part, Settings(steps=80, batch=32, latent=8))[0]

@@ -8,7 +8,7 @@ import pytest
 
 from cospeech.evaluation.comparison import LIPS, SYNC, clips_of, compare, read_comparison, write_table
 from cospeech.evaluation.evaluate import Reference
-from cospeech.evaluation.sync_classifier import WARNING, Settings, train_sync_classifier
+from cospeech.evaluation.metrics.sync_classifier import WARNING, Settings, train_sync_classifier
 from cospeech.evaluation.tables import write_hdf5
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError
-from cospeech.evaluation.fgd import FRAMES, FeatureNet, Settings, pose_vectors, train_feature_net
-from cospeech.evaluation.metrics import frechet_distance
+from cospeech.evaluation.metrics.fgd import FRAMES, FeatureNet, Settings, pose_vectors, train_feature_net
+from cospeech.evaluation.metrics.gesture_metrics import frechet_distance
 from cospeech.files import sha256
 from cospeech.learning.weights import save_weights
 from cospeech.skeleton import bone_lengths, with_bone_lengths

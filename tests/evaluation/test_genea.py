@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import eigh
 
-from cospeech.evaluation import genea
+from cospeech.evaluation.metrics import genea
 from cospeech.skeleton import UPPER55
 
 seeds = st.integers(0, 10**6)

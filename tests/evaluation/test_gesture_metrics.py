@@ -8,7 +8,7 @@ from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation import metrics
+from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.skeleton import UPPER55
 
 LEFT, RIGHT = UPPER55.joints("left_wrist", "right_wrist")

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation import beats
+from cospeech.evaluation.metrics import beats
 from cospeech.gestures.ha2g.dataset.bones import bone_vectors
 from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.skeleton import UPPER55

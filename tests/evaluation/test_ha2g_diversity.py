@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from cospeech.evaluation import metrics
+from cospeech.evaluation.metrics import gesture_metrics as metrics
 
 
 @pytest.mark.parametrize("norm", [1, 2])

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation import metrics
-from cospeech.evaluation.expressive import Settings, clip_vectors, train_ruler
 from cospeech.evaluation.ha2g import Yardstick, evaluate_baselines, evaluate_ha2g
 from cospeech.evaluation.ha2g_result import (
     BASELINES,
@@ -19,6 +17,8 @@ from cospeech.evaluation.ha2g_result import (
     write_judgements,
     write_table,
 )  # fmt: skip
+from cospeech.evaluation.metrics import gesture_metrics as metrics
+from cospeech.evaluation.metrics.expressive import Settings, clip_vectors, train_ruler
 
 
 @pytest.fixture(scope="module")

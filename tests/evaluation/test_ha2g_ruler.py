@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation import expressive, metrics
-from cospeech.evaluation.expressive import FORMS, RULERS, Ruler, Settings, train_ruler
-from cospeech.evaluation.fgd import AutoEncoder, FeatureNet
+from cospeech.evaluation.metrics import expressive
+from cospeech.evaluation.metrics import gesture_metrics as metrics
+from cospeech.evaluation.metrics.expressive import FORMS, RULERS, Ruler, Settings, train_ruler
+from cospeech.evaluation.metrics.fgd import AutoEncoder, FeatureNet
 
 QUICK = Settings(steps=60, batch=32, decays=1)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.evaluation.lips import LipErrors, judge_lips, lip_distances, lip_error, write_table
+from cospeech.evaluation.metrics.lips import LipErrors, judge_lips, lip_distances, lip_error, write_table
 from cospeech.face.expressions import COSPEECH64
 from cospeech.face.model import FaceModel, embedded
 from tests.conftest import make_clip

@@ -8,7 +8,7 @@ import pytest
 
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
-from cospeech.evaluation.sync_classifier import (
+from cospeech.evaluation.metrics.sync_classifier import (
     WARNING,
     Settings,
     SyncClassifier,

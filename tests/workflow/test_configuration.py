@@ -151,8 +151,8 @@ def test_every_key_is_in_the_default_files_and_commented():
 
 
 def test_budget_keys_are_the_trainings_settings():
-    from cospeech.evaluation.fgd import Settings as FeatureNet
-    from cospeech.evaluation.sync_classifier import Settings as Sync
+    from cospeech.evaluation.metrics.fgd import Settings as FeatureNet
+    from cospeech.evaluation.metrics.sync_classifier import Settings as Sync
     from cospeech.gestures.chapter4.gesture_gan import Settings as Gesture
     from cospeech.gestures.chapter4.lstm import Settings as LSTM
     from cospeech.gestures.chapter4.moglow import Settings as MoGlow

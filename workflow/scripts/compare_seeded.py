@@ -11,8 +11,8 @@ with job():
     from cospeech.clip import Clip
     from cospeech.evaluation.comparison import compare
     from cospeech.evaluation.evaluate import Reference
-    from cospeech.evaluation.fgd import FeatureNet
-    from cospeech.evaluation.sync_classifier import SyncClassifier
+    from cospeech.evaluation.metrics.fgd import FeatureNet
+    from cospeech.evaluation.metrics.sync_classifier import SyncClassifier
     from cospeech.evaluation.tables import write_hdf5
     from cospeech.face.model import FaceModel
     from cospeech.speech import load_audio

@@ -10,7 +10,7 @@ with job():
 
     from cospeech.clip import Clip
     from cospeech.evaluation.evaluate import Reference
-    from cospeech.evaluation.fgd import FeatureNet
+    from cospeech.evaluation.metrics.fgd import FeatureNet
     from cospeech.evaluation.variants import evaluate_variants
     from cospeech.matching import KNN, Database
     from cospeech.speech import load_audio

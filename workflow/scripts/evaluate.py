@@ -10,7 +10,7 @@ with job():
 
     from cospeech.clip import Clip
     from cospeech.evaluation.evaluate import Reference, evaluate_baseline, evaluate_model
-    from cospeech.evaluation.fgd import FeatureNet
+    from cospeech.evaluation.metrics.fgd import FeatureNet
     from cospeech.evaluation.result import BASELINES
     from cospeech.speech import load_audio
 

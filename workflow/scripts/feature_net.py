@@ -6,7 +6,7 @@ with job():
     import torch
     from sections import sections
 
-    from cospeech.evaluation.fgd import Settings, train_feature_net
+    from cospeech.evaluation.metrics.fgd import Settings, train_feature_net
     from cospeech.learning.settings import settings_of
     from cospeech.learning.training import finish
 

@@ -9,9 +9,9 @@ with job():
     from speakers import test_name, training_parts
 
     from cospeech.clip import Clip
-    from cospeech.evaluation.expressive import Ruler
     from cospeech.evaluation.ha2g import Yardstick, evaluate_baselines, evaluate_ha2g
     from cospeech.evaluation.ha2g_result import write_judgements
+    from cospeech.evaluation.metrics.expressive import Ruler
     from cospeech.speech import load_audio
 
     torch.set_num_threads(snakemake.threads)

@@ -6,7 +6,7 @@ with job():
     import torch
     from speakers import training_parts
 
-    from cospeech.evaluation.expressive import Settings, train_ruler
+    from cospeech.evaluation.metrics.expressive import Settings, train_ruler
     from cospeech.learning.settings import settings_of
     from cospeech.learning.training import finish
 

@@ -6,8 +6,8 @@ from job import job, snakemake
 
 with job():
     from cospeech.clip import Clip
-    from cospeech.demo import annotation
-    from cospeech.evaluation.fgd import FeatureNet
+    from cospeech.evaluation import annotation
+    from cospeech.evaluation.metrics.fgd import FeatureNet
     from cospeech.evaluation.tables import write_csv
     from cospeech.speech import load_audio
 

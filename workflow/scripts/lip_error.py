@@ -8,7 +8,7 @@ with job():
     from sections import sections
 
     from cospeech.clip import Clip
-    from cospeech.evaluation.lips import judge_lips
+    from cospeech.evaluation.metrics.lips import judge_lips
     from cospeech.face.model import FaceModel
 
     files, made = snakemake.input, {}

@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.lips import LipErrors, write_table
+    from cospeech.evaluation.metrics.lips import LipErrors, write_table
 
     write_table(snakemake.output.csv, [LipErrors.read(path) for path in snakemake.input])

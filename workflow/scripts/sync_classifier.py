@@ -10,7 +10,7 @@ with job():
     from sections import sections
 
     from cospeech.clip import Clip
-    from cospeech.evaluation.sync_classifier import Settings, train_sync_classifier, write_judgement
+    from cospeech.evaluation.metrics.sync_classifier import Settings, train_sync_classifier, write_judgement
     from cospeech.learning.settings import settings_of
     from cospeech.learning.training import finish
 

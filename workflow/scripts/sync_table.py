@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.sync_classifier import write_table
+    from cospeech.evaluation.metrics.sync_classifier import write_table
 
     write_table(snakemake.output.csv, snakemake.input)

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
-from cospeech.evaluation.lips import judge_lips
+from cospeech.evaluation.metrics.lips import judge_lips
+from cospeech.evaluation.metrics.sync_classifier import WARNING
 from cospeech.evaluation.result import BASELINES, Evaluation
-from cospeech.evaluation.sync_classifier import WARNING
 from cospeech.evaluation.tables import SCHEMA, headings, number, summarise
 from cospeech.files import reading_hdf5, writing
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched

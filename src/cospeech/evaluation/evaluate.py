@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
-from cospeech.evaluation import metrics
-from cospeech.evaluation.fgd import FRAMES
+from cospeech.evaluation.metrics import gesture_metrics as metrics
+from cospeech.evaluation.metrics.fgd import FRAMES
+from cospeech.evaluation.metrics.synchrony import SpeechToSpeed
 from cospeech.evaluation.result import BASELINES, METRICS, Evaluation
-from cospeech.evaluation.synchrony import SpeechToSpeed
 
 # Of motion beats. The published 0.03 lets ripples through that carry no timing: at 0.1 the truth stands farther above
 # chance, on motion capture and on the demo speakers alike (docs/evaluation.md).

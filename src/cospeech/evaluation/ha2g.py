@@ -10,11 +10,12 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
-from cospeech.evaluation import beats, genea, metrics
 from cospeech.evaluation.evaluate import DRAWS, low_passed, stretches
-from cospeech.evaluation.expressive import STRIDE, clip_vectors
-from cospeech.evaluation.fgd import FRAMES
 from cospeech.evaluation.ha2g_result import Judgement
+from cospeech.evaluation.metrics import beats, genea
+from cospeech.evaluation.metrics import gesture_metrics as metrics
+from cospeech.evaluation.metrics.expressive import STRIDE, clip_vectors
+from cospeech.evaluation.metrics.fgd import FRAMES
 from cospeech.gestures.ha2g.dataset.levels import level_table
 
 ANGLES = "expressive43"  # the level table whose angles beats are found in

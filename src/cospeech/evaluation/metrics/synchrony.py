@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cospeech.evaluation.metrics import WRISTS
+from cospeech.evaluation.metrics.gesture_metrics import WRISTS
 
 REACH = 0.5  # seconds of speech before and after a frame that its speed may depend on
 RIDGE = 1.0  # penalty, in units of the features' variance; the score is flat from 0.3 to 3

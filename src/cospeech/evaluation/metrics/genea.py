@@ -6,7 +6,7 @@ the hand roots, which are the wrists.
 
 import numpy as np
 
-from cospeech.evaluation import metrics
+from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.skeleton import BODY, UPPER55
 
 JOINTS = np.array([j for j, name in enumerate(UPPER55.names) if j != UPPER55.root and name not in UPPER55.attach])

@@ -15,7 +15,7 @@ import torch
 from torch.nn import functional
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.fgd import FRAMES, AutoEncoder, FeatureNet, Reconstruction
+from cospeech.evaluation.metrics.fgd import FRAMES, AutoEncoder, FeatureNet, Reconstruction
 from cospeech.files import sha256
 from cospeech.gestures.ha2g.dataset.bones import bone_vectors
 from cospeech.gestures.ha2g.dataset.levels import level_table

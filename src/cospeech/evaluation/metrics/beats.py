@@ -1,8 +1,8 @@
 """Beat consistency of HA2G (section 4.3, appendix E) on its own bone vectors: every included angle, fingers too.
 
-`metrics.motion_beats` looks at the body alone and scores one clip; here a whole test part is scored as the publication
-does, and nothing is left out in silence: clips without an onset and clips without a beat are counted, and the score is
-given with the latter and without them.
+`gesture_metrics.motion_beats` looks at the body alone and scores one clip; here a whole test part is scored as the
+publication does, and nothing is left out in silence: clips without an onset and clips without a beat are counted, and
+the score is given with the latter and without them.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.metrics import beats_of, chance_coverage, change_rate, onset_coverage, rests
+from cospeech.evaluation.metrics.gesture_metrics import beats_of, chance_coverage, change_rate, onset_coverage, rests
 from cospeech.gestures.ha2g.dataset.levels import included_angles
 
 PUBLISHED = {"TED": 0.03, "Expressive": 0.001}  # HA2G's code; what DiffGesture's uses for TED Expressive

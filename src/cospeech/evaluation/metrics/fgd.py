@@ -15,7 +15,7 @@ from torch import nn
 from torch.nn import functional
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.metrics import BONES, bone_directions, low_pass
+from cospeech.evaluation.metrics.gesture_metrics import BONES, bone_directions, low_pass
 from cospeech.files import sha256
 from cospeech.learning.training import device, train
 from cospeech.learning.weights import load_weights, save_weights

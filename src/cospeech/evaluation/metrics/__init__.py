@@ -1,0 +1,1 @@
+"""The metrics, each after its publication, and the networks that some of them are measured with."""
