@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from benchmarks.bench_render import moving
 from cospeech.clip import Clip
 from cospeech.face.expressions import COSPEECH64
-from cospeech.render.figure import Figure
-from cospeech.render.player import player_html, write_player
+from cospeech.render.character.figure import Figure
+from cospeech.render.pages.player_page import player_html, write_player
 from tests.render.browser import Browser, chromium
 
 SECONDS, FPS, WINDOW = 60, 15, (1280, 720)

@@ -12,8 +12,8 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.face.expressions import COSPEECH64
-from cospeech.render.figure import BACKGROUND, Figure, framing
-from cospeech.render.raster import SAMPLES, Painter
+from cospeech.render.character.figure import BACKGROUND, Figure, framing
+from cospeech.render.character.triangles import SAMPLES, Painter
 from cospeech.render.video import render_video
 from cospeech.skeleton import UPPER55
 

@@ -17,8 +17,8 @@ from cospeech.evaluation.tables import write_csv as write_table
 from cospeech.evaluation.variants import METRICS, VARIANTS, evaluate_variants, ordered
 from cospeech.matching import KNN, Database
 from cospeech.matching.control.signals import LEFT
-from cospeech.render.control import control_section
 from cospeech.render.curves import plot_control
+from cospeech.render.pages.control_section import control_section
 from cospeech.synthesis import ControlledSampler
 
 HIGH, SLOW = ("left_wrist_height", "high"), ("left_wrist_speed", "slow")

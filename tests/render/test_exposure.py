@@ -6,8 +6,8 @@ import pytest
 
 from cospeech.cli import main
 from cospeech.errors import CospeechError
+from cospeech.render.character.figure import BACKGROUND, Figure, framing
 from cospeech.render.exposure import long_exposure
-from cospeech.render.figure import BACKGROUND, Figure, framing
 from cospeech.render.video import still
 from cospeech.skeleton import RIGHT_HAND, UPPER55
 

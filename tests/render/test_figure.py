@@ -7,10 +7,10 @@ import pytest
 from cospeech.errors import CospeechError
 from cospeech.face.expressions import COSPEECH64
 from cospeech.face.model import FaceModel, embedded
-from cospeech.render.figure import BACKGROUND, Figure, framing
-from cospeech.render.head import Head, face_of
-from cospeech.render.mesh import capsule_template, capsules
-from cospeech.render.raster import SAMPLES, Camera, Painter
+from cospeech.render.character.figure import BACKGROUND, Figure, framing
+from cospeech.render.character.head import Head, face_of
+from cospeech.render.character.mesh import capsule_template, capsules
+from cospeech.render.character.triangles import SAMPLES, Camera, Painter
 from cospeech.skeleton import UPPER55
 
 WIDTH, HEIGHT = 480, 270

@@ -14,10 +14,10 @@ import pytest
 from cospeech.clip import Words
 from cospeech.commands import player as command
 from cospeech.errors import CospeechError
-from cospeech.render.figure import BACKGROUND, FADE, TITLE, Figure
-from cospeech.render.player import embedded, player_data, player_html, player_script, write_player
-from cospeech.render.puppet import JOINTS, make_puppets, rebuild
-from cospeech.render.raster import Camera, Painter
+from cospeech.render.character.figure import BACKGROUND, FADE, TITLE, Figure
+from cospeech.render.character.puppet import JOINTS, make_puppets, rebuild
+from cospeech.render.character.triangles import Camera, Painter
+from cospeech.render.pages.player_page import embedded, player_data, player_html, player_script, write_player
 from cospeech.skeleton import UPPER55
 
 

@@ -13,7 +13,7 @@ from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.evaluation.result import METRICS
 from cospeech.evaluation.tables import Summary
 from cospeech.files import put, writing_hdf5
-from cospeech.render.report import MEANING, side_by_side, write_report
+from cospeech.render.pages.report import MEANING, side_by_side, write_report
 
 VOID = {"meta", "br", "img", "link", "input"}
 

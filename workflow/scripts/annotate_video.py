@@ -8,7 +8,7 @@ with job():
     from cospeech.capture.refusal import clip_or_refusal
     from cospeech.face.model import FaceModel
     from cospeech.formats.mocap import cut_words
-    from cospeech.render.quality import write_page
+    from cospeech.render.pages.quality_page import write_page
     from cospeech.speech import read_words
     from cospeech.track import Track
 

@@ -13,7 +13,7 @@ with job():
     from cospeech.evaluation.control import ControlStudy, control_rows
     from cospeech.evaluation.tables import read_evaluations, summarise
     from cospeech.evaluation.variants import ordered
-    from cospeech.render.report import side_by_side, write_report
+    from cospeech.render.pages.report import side_by_side, write_report
 
     results, facts = Path(snakemake.output[0]).parent, snakemake.params.facts
     name = lambda path, folder: str(Path(path).relative_to(results / folder).with_suffix(""))  # noqa: E731

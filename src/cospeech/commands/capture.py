@@ -119,7 +119,7 @@ def _annotate(options):
     )  # fmt: skip
     clip.write(out)
     if options.quality:
-        from cospeech.render.quality import write_page
+        from cospeech.render.pages.quality_page import write_page
 
         quality.write(options.quality)
         write_page(Path(options.quality).with_suffix(".html"), quality)

@@ -21,7 +21,7 @@ def _player(options):
     """Write one HTML page that plays clips side by side with their sound, to be turned, zoomed and scrubbed."""
     from cospeech.clip import Clip
     from cospeech.errors import CospeechError
-    from cospeech.render.player import write_player
+    from cospeech.render.pages.player_page import write_player
 
     clips = [Clip.read(path) for path in options.clips]
     if options.titles and len(options.titles) != len(clips):

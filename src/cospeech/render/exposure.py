@@ -8,8 +8,8 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.files import writing
-from cospeech.render.figure import LEFT_SLEEVE, RIGHT_SLEEVE
-from cospeech.render.raster import SHADOW
+from cospeech.render.character.figure import LEFT_SLEEVE, RIGHT_SLEEVE
+from cospeech.render.character.triangles import SHADOW
 from cospeech.render.video import Stage, _check, _sampled
 from cospeech.skeleton import UPPER55
 

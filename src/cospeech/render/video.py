@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from cospeech.clip import Words
 from cospeech.errors import CospeechError
 from cospeech.files import writing
-from cospeech.render.figure import BACKGROUND, FADE, Figure, framing
-from cospeech.render.head import face_of
-from cospeech.render.raster import Painter, fade_out
+from cospeech.render.character.figure import BACKGROUND, FADE, Figure, framing
+from cospeech.render.character.head import face_of
+from cospeech.render.character.triangles import Painter, fade_out
 
 BATCH = 64  # frames posed at once: enough to amortise numpy's overhead, little memory
 INK, FAINT = (62, 52, 46), (214, 210, 206)

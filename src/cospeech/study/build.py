@@ -13,7 +13,7 @@ from tqdm import tqdm
 from cospeech import __version__
 from cospeech.errors import CospeechError, notice
 from cospeech.files import writing
-from cospeech.render.player import embedded, player_data, player_script
+from cospeech.render.pages.player_page import embedded, player_data, player_script
 from cospeech.study.answers import read_study
 from cospeech.study.stimuli import OWN, TRUTH, cut
 

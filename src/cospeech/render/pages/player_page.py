@@ -17,9 +17,9 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.files import writing
-from cospeech.render.figure import BACKGROUND, FADE, LIGHT, TITLE
-from cospeech.render.head import HEIGHT
-from cospeech.render.puppet import JOINTS, STEP, make_puppets
+from cospeech.render.character.figure import BACKGROUND, FADE, LIGHT, TITLE
+from cospeech.render.character.head import HEIGHT
+from cospeech.render.character.puppet import JOINTS, STEP, make_puppets
 from cospeech.render.video import SOUND_RATE, _captions, _encode_sound, _sound
 from cospeech.skeleton import UPPER55
 
@@ -55,7 +55,7 @@ def player_html(panels, audio=None, title="", posture="standing", subtitles=True
     Same input, same bytes.
     """
     data = player_data(panels, audio, posture, subtitles, face)
-    page = (files("cospeech.render") / "player.html").read_text(encoding="utf-8")
+    page = (files("cospeech.render.pages") / "player.html").read_text(encoding="utf-8")
     parts = {"TITLE": escape(title or " · ".join(str(name) for name, _ in panels)), "SCRIPT": player_script(),
              "DATA": embedded(data)}  # fmt: skip
     return re.sub("%(TITLE|SCRIPT|DATA)%", lambda place: parts[place[1]], page)
@@ -63,7 +63,7 @@ def player_html(panels, audio=None, title="", posture="standing", subtitles=True
 
 def player_script():
     """The JavaScript that defines `CospeechPlayer`, to stand in a page's <script> once for any number of players."""
-    return "\n".join((files("cospeech.render") / f"{name}.js").read_text(encoding="utf-8")
+    return "\n".join((files("cospeech.render.pages") / f"{name}.js").read_text(encoding="utf-8")
                      for name in ("puppet", "player"))  # fmt: skip
 
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from cospeech.errors import CospeechError
 from cospeech.face.model import EMBEDDED, FaceModel, embedded
 from cospeech.face.shape import inside
-from cospeech.render.mesh import unit, vertex_normals
-from cospeech.render.skull import around_face
+from cospeech.render.character.mesh import unit, vertex_normals
+from cospeech.render.character.skull import around_face
 
 HEIGHT = 0.240  # metres from chin to crown, of a character whose trunk is 0.5 m
 # Blue, green, red of the parts; the skin is the figure's.

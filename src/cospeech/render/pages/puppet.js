@@ -1,6 +1,6 @@
 "use strict";
-// The character in the browser: it unpacks what render/player.py packed, poses the mesh of a frame as render/puppet.py
-// describes it, and draws it with a z-buffer, as render/raster.py does. No graphics card is needed.
+// The character in the browser: it unpacks what player_page.py packed, poses the mesh of a frame as puppet.py
+// describes it, and draws it with a z-buffer, as triangles.py does. No graphics card is needed.
 
 class Puppets {
   /** The characters of one page; `data` is the dict of player_data. Use `await Puppets.unpack(data)`. */
@@ -156,7 +156,7 @@ class Puppets {
   }
 }
 
-/** {name: typed array} of the deflated bytes: see render/player.py, pack. */
+/** {name: typed array} of the deflated bytes: see player_page.py, pack. */
 function unpackArrays(meta, buffer) {
   const kinds = { u1: Uint8Array, u2: Uint16Array, i2: Int16Array, f4: Float32Array, series: Uint8Array };
   const arrays = {};
@@ -184,7 +184,7 @@ function unfold(bytes, rows, channels) {
 }
 
 class OrbitCamera {
-  /** The camera of all panels: at first where render/raster.py's Camera.containing puts it, then as it is turned. */
+  /** The camera of all panels: at first where triangles.py's Camera.containing puts it, then as it is turned. */
   constructor(settings) {
     this.settings = settings;
     this.reset();

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.render.figure import Figure
-from cospeech.render.head import face_of
+from cospeech.render.character.figure import Figure
+from cospeech.render.character.head import face_of
 from cospeech.skeleton import UPPER55
 
 STEP = 2e-4  # metres: positions are rounded to it

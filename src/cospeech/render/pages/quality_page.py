@@ -27,7 +27,7 @@ GATES = {
 
 def write_page(path, quality, film=""):
     """Write the page of a `Quality`. `film`: the overlay film's path from the page, shown and linked if given."""
-    template = Template((files("cospeech.render") / "quality.html").read_text("utf-8"))
+    template = Template((files("cospeech.render.pages") / "quality.html").read_text("utf-8"))
     text = template.substitute(
         title=escape(f"{quality.subject} / {quality.clip}: annotation"),
         summary=escape(

@@ -6,10 +6,10 @@ import numba
 import numpy as np
 
 from cospeech.face.model import embedded
-from cospeech.render.head import HEIGHT, Head
-from cospeech.render.lower import SHOE, ankles, check_posture, legs, props
-from cospeech.render.mesh import capsule_template, capsules, grid_triangles, rings, unit, vertex_normals
-from cospeech.render.raster import Camera
+from cospeech.render.character.head import HEIGHT, Head
+from cospeech.render.character.lower import SHOE, ankles, check_posture, legs, props
+from cospeech.render.character.mesh import capsule_template, capsules, grid_triangles, rings, unit, vertex_normals
+from cospeech.render.character.triangles import Camera
 from cospeech.skeleton import UPPER55
 
 # Colours in OpenCV's order blue, green, red. The character's right is warm, its left is cool, the trunk neutral.

@@ -21,9 +21,9 @@ from cospeech.evaluation.variants import LABELS
 from cospeech.evaluation.variants import METRICS as COMPARED
 from cospeech.files import reading_hdf5, writing
 from cospeech.render.chart import line_chart
-from cospeech.render.control import control_section
-from cospeech.render.player import embedded, player_data, player_script
-from cospeech.render.tables import ROWS, table_section
+from cospeech.render.pages.control_section import control_section
+from cospeech.render.pages.player_page import embedded, player_data, player_script
+from cospeech.render.pages.table_sections import ROWS, table_section
 
 OPENING = """<p>Programs learnt from recordings of speakers how they gesture, and made motion for speech that they had
 not heard. Here are their characters beside the recorded motion, measures of how alike the two are, and everything
@@ -96,7 +96,7 @@ def write_report(
     }
     present = {name: body for name, body in sections.items() if body}
     anchor = {name: re.sub(r"\W+", "-", name.lower()).strip("-") for name in present}
-    page = Template((files("cospeech.render") / "report.html").read_text(encoding="utf-8")).substitute(
+    page = Template((files("cospeech.render.pages") / "report.html").read_text(encoding="utf-8")).substitute(
         title=escape(title),
         subtitle=escape(subtitle),
         opening=OPENING if present else "",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.render.mesh import grid_triangles, rings, unit
+from cospeech.render.character.mesh import grid_triangles, rings, unit
 
 POSTURES = ("standing", "sitting", "none")
 SHOE, STOOL, FLOOR = (70, 66, 64), (170, 190, 206), (255, 252, 250)

@@ -29,7 +29,7 @@ const MOST_SAMPLES = 6e6;  // of all panels together
 
 class CospeechPlayer extends EventTarget {
   /**
-   * Shows `data` (what render/player.py, player_data, returns) inside `element`, as large as it is.
+   * Shows `data` (what player_page.py, player_data, returns) inside `element`, as large as it is.
    *
    * options: controls (true) shows the bar; once (false) lets the whole be played a single time, without jumping;
    * wheel (true) comes nearer with the mouse wheel; keys, the element or document whose keys are heard (the player itself).

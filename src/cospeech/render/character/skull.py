@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cospeech.render.mesh import ellipsoid, grid_strips, grid_triangles, vertex_normals
+from cospeech.render.character.mesh import ellipsoid, grid_strips, grid_triangles, vertex_normals
 
 CENTER, POWER = np.array([0.0, 0.020, 0.0]), 2.4
 HALF = {"side": 0.0745, "height": 0.098, "front": 0.095, "back": 0.108}  # of the superelliptic skull
