@@ -189,7 +189,7 @@ def _check_synthesis(config, subjects, label):
             raise CospeechError(f"{where}: subject {entry['subject']!r} is not one of {', '.join(subjects)}")
         if entry["model"] not in config["models"]:
             raise CospeechError(f"{where}: model {entry['model']!r} is not one of {', '.join(config['models'])}")
-        if "k" in entry and entry["model"] not in ("knn", "resync"):
+        if "k" in entry and entry["model"] not in ("knn", "knn_published", "resync"):
             raise CospeechError(f"{where}: k chooses among matches, which {entry['model']} has none of; leave it out")
         named = {key: entry[key] for key in ("audio", "words", "gestures") if key in entry}
         named |= {f"replace[{i}].clip": one["clip"] for i, one in enumerate(entry.get("replace", []))}

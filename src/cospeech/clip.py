@@ -9,7 +9,7 @@ import numpy as np
 from cospeech import __version__
 from cospeech.errors import CospeechError
 from cospeech.files import put, reading_hdf5, writing_hdf5
-from cospeech.skeleton import UPPER55
+from cospeech.skeleton import UPPER55, bone_lengths, with_bone_lengths
 
 SCHEMA = "cospeech.clip"
 FEATURES = 28
@@ -43,7 +43,8 @@ class Motion:
     """What a generator makes for T frames.
 
     positions (T, 55, 3) metres, pelvis-relative, x left, y up, z forward; rotation (T, 3) head rotation as axis-angle
-    in radians, or None; expression (T, E) coefficients of `face_model`, or None; trace, where the frames are from.
+    in radians, or None; expression (T, E) coefficients of `face_model`, or None; trace, where the frames are from;
+    bone_lengths (55,) metres, the speaker's, which motion gets at last (`whole`); None for the speaker's own frames.
     """
 
     positions: np.ndarray
@@ -51,9 +52,16 @@ class Motion:
     expression: np.ndarray | None = None
     face_model: str = ""
     trace: "Trace | None" = None
+    bone_lengths: np.ndarray | None = None
 
     def __len__(self):
         return len(self.positions)
+
+    def whole(self):
+        """With the speaker's bones: directions stay, lengths become the speaker's, hand roots lie at their wrists."""
+        if self.bone_lengths is None:
+            return self
+        return replace(self, positions=with_bone_lengths(self.positions, self.bone_lengths).astype(np.float32))
 
 
 @dataclass
@@ -276,3 +284,9 @@ class Clip:
             sample_rate=int(audio.get("sample_rate", 0)), loudness_lufs=float(audio.get("loudness_lufs", np.nan)),
             extra=extra, trace=Trace.read(file["trace"]) if "trace" in file else None,
         )  # fmt: skip
+
+
+def speaker_bones(clips):
+    """A speaker's bone lengths (55,) in metres: of each clip's valid frames the median, and of these the median."""
+    lengths = [bone_lengths(clip.positions[clip.valid]) for clip in clips if clip.valid.any()]
+    return np.median(lengths, axis=0).astype(np.float32)

@@ -12,15 +12,16 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from cospeech.clip import Clip, Words
-from cospeech.errors import CospeechError
+from cospeech.errors import CospeechError, notice
 from cospeech.gestures.chapter4.models import CONTROLLED, GESTURES, gesture_task
 from cospeech.split import Split
 
 TRAINED = (*GESTURES, "resync")  # have weights under results/<subject>/models/
-MATCHED = ("knn", "resync")  # need the subject's database
+MATCHED = ("knn", "knn_published", "resync")  # need the subject's database
 BASELINES = ("mean_pose", "random")  # need the subject's training part alone
 MODELS = (*GESTURES, *MATCHED, *BASELINES)
 AUDIO_RANKS = ("plain", "learned")
+RANK = Path("models", "audio_rank", "weights.safetensors")  # of the learned one, under a subject's folder
 SMOOTHING = 1.5  # frames; published Gaussian on body, hands and head rotation at 15 Hz (thesis section 4.3)
 
 
@@ -89,17 +90,19 @@ def training_part(subject_folder):
     return [Clip.read(folder / "clips" / f"{take}.h5").section(start, stop) for take, start, stop in ranges]
 
 
-def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
+def load_generator(model, subject_folder, threads=None, audio_rank=None):
     """The generator `model` of the subject whose results lie in `subject_folder`, ready to `generate`.
 
-    audio_rank : "learned" compares speech with motion by the networks of `matching.search.similarity`, if `model`
-        searches.
+    audio_rank : how a model that searches compares speech: "plain" as published, "learned" with motion, by the networks
+        of `cospeech.matching.search.similarity`. None is learned, or plain with a notice where these are not trained, and
+        plain for `knn_published`.
     """
     check_model(model)
+    audio_rank = audio_rank or _usual_rank(model, Path(subject_folder))
     if audio_rank not in AUDIO_RANKS:
         raise CospeechError(f"audio rank {audio_rank!r} is not known; known: {', '.join(AUDIO_RANKS)}")
     if audio_rank != "plain" and model not in MATCHED:
-        raise CospeechError(f"audio rank: {model} ranks no matches; use {' or '.join(MATCHED)}")
+        raise CospeechError(f"audio rank: {model} ranks no matches; use knn or resync")
     subject_folder = Path(subject_folder)
     onnx = subject_folder / "models" / model / "model.onnx"
     if model in GESTURES:
@@ -109,18 +112,30 @@ def load_generator(model, subject_folder, threads=None, audio_rank="plain"):
 
         return {"mean_pose": MeanPose, "random": RandomTake}[model](training_part(subject_folder))
     from cospeech.matching import KNN, Database
+    from cospeech.matching.knn import DEFAULTS
 
     database = Database.load(subject_folder / "database.h5")
     if audio_rank == "learned":
         from cospeech.matching.search.similarity import Similarity
 
-        database = Similarity.load(subject_folder / "models" / "audio_rank" / "weights.safetensors").applied(database)
-    knn = KNN(database)
+        database = Similarity.load(subject_folder / RANK).applied(database)
+    if model == "knn_published":
+        return KNN(database)
+    knn = KNN(database, **DEFAULTS)
     if model == "knn":
         return knn
     from cospeech.matching.resync.refine import Resynchronizer
 
     return Resynchronizer(knn, onnx, threads)
+
+
+def _usual_rank(model, subject_folder):
+    if model not in MATCHED or model == "knn_published":
+        return "plain"
+    if not (subject_folder / RANK).is_file():
+        notice(f"{subject_folder / RANK}: not trained yet; matches are ranked by sound alone")
+        return "plain"
+    return "learned"
 
 
 def load_network(model, onnx, threads=None):
@@ -165,7 +180,7 @@ class ControlledSampler:
 
 def usual_smoothing(model):
     """sigma in frames of the Gaussian that a model's motion gets: the published one, none for the speaker's own."""
-    return 0.0 if model in ("knn", "random") else SMOOTHING
+    return 0.0 if model in ("knn", "knn_published", "random") else SMOOTHING
 
 
 def smooth(motion, sigma=SMOOTHING):
@@ -174,6 +189,20 @@ def smooth(motion, sigma=SMOOTHING):
     if not sigma:
         return motion
     return replace(motion, positions=blur(motion.positions), rotation=blur(motion.rotation))
+
+
+def finished(motion, smoothing, replacements=(), fps=15.0):
+    """What all generated motion goes through last: smoothing, frames from elsewhere, then the speaker's bones.
+
+    The bones come last because a Gaussian over positions shortens them. smoothing : sigma in frames. replacements :
+    see `synthesize`.
+    """
+    motion = smooth(motion, smoothing)
+    if replacements:
+        from cospeech.matching.control.replace import replaced
+
+        motion = replaced(motion, replacements, fps)
+    return motion.whole()
 
 
 def synthesize(
@@ -202,11 +231,7 @@ def synthesize(
         smoothing = usual_smoothing(model)
     if options.get("controls"):
         options["words"] = words
-    motion = smooth(generator.generate(features, seed=seed, **options), smoothing)
-    if replace:
-        from cospeech.matching.control.replace import replaced
-
-        motion = replaced(motion, replace, fps)
+    motion = finished(generator.generate(features, seed=seed, **options), smoothing, replace, fps)
     return Clip(
         subject, clip, fps, motion.positions.astype(np.float32), features,
         rotation=motion.rotation, expression=motion.expression, face_model=motion.face_model,

@@ -98,7 +98,7 @@ def test_overfits_a_handful_of_windows():
 
 
 def test_regression_beats_the_mean_pose_on_an_unseen_take():
-    clip, unseen = make_clip(0, 512), make_clip(9)
+    clip, unseen = make_clip(0, 1024), make_clip(9)  # with half of it, one seed in two fails
     task, _ = trained_regression(clip, 250)
     network, _, parts = task.export()
     with torch.inference_mode():

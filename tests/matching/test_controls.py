@@ -373,7 +373,12 @@ def project(tmp_path_factory, database):
     return folder
 
 
+# What these tests know of the search is Algorithm 1's.
+PUBLISHED = ["--placement", "published", "--seams", "off", "--audio-rank", "plain"]
+
+
 def generate(project, *more, model="knn"):
+    more = [*more, *(PUBLISHED if model == "knn" else [])]
     return main([
         "generate", "--subject", "toy", "--model", model, "--audio", str(project / "talk.wav"),
         "--out", str(project / "o.h5"), "--config", str(project / "config.yaml"), *more,

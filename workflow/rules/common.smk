@@ -17,11 +17,11 @@ SUBJECTS, BUDGET = load_configuration(config, workflow)
 FILMS = on_film(SUBJECTS, config["results_dir"])  # of virtual speakers; they become clips and no more (films.smk)
 SPEAKERS = SUBJECTS | FILMS
 MODELS = config["models"]
-MATCHED = ("knn", "resync")
+MATCHED = ("knn", "knn_published", "resync")
 DRAWN = ("mean_pose", "random")  # from the training part itself
-TRAINED = [model for model in MODELS if model not in ("knn", *DRAWN)]  # knn searches the database and has no weights
+TRAINED = [model for model in MODELS if not model.startswith("knn") and model not in DRAWN]  # a search has no weights
 ROWS = ["ground_truth", "mismatched", "mean_pose", *MODELS]  # of every table; the first three are no models
-KNOWN = "regression|gesture_gan|velocity_gan|lstm|moglow(_height|_speed|_symmetry)?|knn|resync|mean_pose|random"
+KNOWN = "regression|gesture_gan|velocity_gan|lstm|moglow(_height|_speed|_symmetry)?|knn(_published)?|resync|mean_pose|random"
 SHOWN = f"ground_truth|{KNOWN}"  # wildcard constraint: whose motion lies under synthesis/
 SEEDS = config.get("chapter4", {}).get("seeds", [0, 1, 2])  # of the tables that have a deviation over seeds
 POSENET = {"parts": [], "data": {}, "imagenet": "", "seeds": [0, 1, 2]} | config.get("posenet", {})
@@ -99,8 +99,12 @@ def generator_of(wildcards):
     folder = f"<results>/{wildcards.subject}"
     if wildcards.model in DRAWN:
         return {"split": f"{folder}/split.h5", "clips": clips_of("train")(wildcards)}
-    files = {"network": f"{folder}/models/{wildcards.model}/model.onnx"} if wildcards.model != "knn" else {}
-    return files | ({"database": f"{folder}/database.h5"} if wildcards.model in MATCHED else {})
+    files = {"network": f"{folder}/models/{wildcards.model}/model.onnx"} if wildcards.model in TRAINED else {}
+    if wildcards.model in MATCHED:
+        files |= {"database": f"{folder}/database.h5"}
+        if wildcards.model != "knn_published":
+            files |= {"audio_rank": f"{folder}/models/audio_rank/weights.safetensors"}
+    return files
 
 
 def speech_of(wildcards):

@@ -14,6 +14,7 @@ CURVES = [f"<results>/figures/figure_5_5_{name}.svg" for name in STUDIED]
 rule control_error:
     input:
         database="<results>/{subject}/database.h5",
+        audio_rank="<results>/{subject}/models/audio_rank/weights.safetensors",
         networks=[f"<results>/{{subject}}/models/{model}/model.onnx" for model in [*REFINED, *TOLD] if model in TRAINED],
         clips=lambda w: synthesized(w.subject, "ground_truth"),
     output:

@@ -27,7 +27,7 @@ def add(commands):
         "--initial", choices=["mean", "random"], help="knn, resync: the pose before the first frame (default: random)"
     )
     option("--placement", choices=["published", "continued", "any_frame", "any_frame_continued"], help="knn, resync: "
-        "where in the database a window may start (default: published; docs/matching.md)")  # fmt: skip
+        "where in the database a window may start (default: any_frame_continued; docs/matching.md)")  # fmt: skip
     option("--control", action="append", metavar="CONTROL", help="knn, resync: how the hands shall move, and when: "
         "'left_wrist_height=high@2.0-5.5', 'strict symmetry=<0.05', 'left_wrist_speed=fast and not reach=low@3-6'; "
         "several hold together")  # fmt: skip
@@ -37,9 +37,9 @@ def add(commands):
     option("--words", metavar="FILE", help="word times of the speech (default: the .tsv, .TextGrid... beside it)")
     option("--recognize", action="store_true", help="recognise the words of the speech where no file tells them")
     option("--seams", choices=["off", "blend", "inertialize"], help="knn, resync: what happens where one window of 8 "
-        "frames follows another (default: off, as published)")  # fmt: skip
-    option("--audio-rank", choices=["plain", "learned"], default="plain", help="knn, resync: rank matches by how alike "
-        "the speech sounds, or by what fits the motion (after `snakemake audio_ranks`)")  # fmt: skip
+        "frames follows another (default: inertialize; published: off)")  # fmt: skip
+    option("--audio-rank", choices=["plain", "learned"], help="knn, resync: rank matches by how alike the speech "
+        "sounds, as published, or by what fits the motion (default: learned, where it was trained)")  # fmt: skip
     option("--replace", action="append", default=[], metavar="FRAMES", help="take frames from a clip file at last: "
         "'3.0-4.5=other.h5@10.2', these seconds from its second 10.2 on; without @ where it joins best")  # fmt: skip
     option("--list-controls", action="store_true", help="list what can be controlled, with the thresholds of --subject "
@@ -116,11 +116,13 @@ def _generate(options):
 
 def _search_options(options):
     """What is asked of the k-NN search, for the generators that have one."""
+    from cospeech.synthesis import MATCHED
+
     names = ("k", "initial", "placement", "control", "keyword", "gestures", "seams")
     asked = {name: value for name in names if (value := getattr(options, name)) is not None}
     named = [*asked, *(["explain"] if options.explain else [])]
     told = options.model.startswith("moglow_") and named == ["control"]  # MoGlow's variants, which take a target
-    if named and options.model not in ("knn", "resync") and not told:
+    if named and options.model not in MATCHED and not told:
         raise CospeechError(f"--{named[0]} is about matches, which {options.model} has none of; use knn or resync")
     if "gestures" in asked and "keyword" not in asked:
         raise CospeechError("--gestures has gestures for --keyword; name one, as in --keyword huge=wide")

@@ -16,7 +16,7 @@ from cospeech.evaluation.result import BASELINES, Evaluation
 from cospeech.evaluation.tables import SCHEMA, headings, number, summarise
 from cospeech.files import reading_hdf5, writing
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
-from cospeech.synthesis import smooth, usual_smoothing
+from cospeech.synthesis import finished, usual_smoothing
 
 COLUMNS = ("fgd", "fgd_train", "diversity", "motion_variance", "beat_excess", "synchrony", "speed_hellinger", "jerk")
 LIPS, SYNC = "lip_error", "judged_in_sync"  # kept as attributes of an Evaluation, in mm and as a share
@@ -27,7 +27,7 @@ def clips_of(generator, truth, row, seed=0):
     made = {}
     for name, clip in truth.items():
         sigma = usual_smoothing(row)
-        motion = smooth(generator.generate(clip.features, seed=seed), sigma)
+        motion = finished(generator.generate(clip.features, seed=seed), sigma)
         made[name] = replace(
             clip, positions=motion.positions.astype(np.float32), rotation=motion.rotation,
             expression=motion.expression, face_model=motion.face_model, generator=row,

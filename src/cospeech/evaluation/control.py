@@ -14,7 +14,7 @@ from cospeech.evaluation.tables import number
 from cospeech.files import put, reading_hdf5, writing, writing_hdf5
 from cospeech.matching.control.controls import Wanted
 from cospeech.matching.control.signals import SIGNALS
-from cospeech.synthesis import smooth, usual_smoothing
+from cospeech.synthesis import finished, usual_smoothing
 
 SCHEMA = "cospeech.control"
 BEFORE = "knn"  # whose motion the refined ones start from
@@ -107,7 +107,7 @@ def study_controls(subject, generators, clips, seed=0):
 
 def _motion(generator, model, clip, seed, controls):
     motion = generator.generate(clip.features, seed=seed, controls=controls)
-    return smooth(motion, usual_smoothing(model)).positions
+    return finished(motion, usual_smoothing(model)).positions
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,10 @@ LABELS = {
     "moglow": "MoGlow",
     "knn_pose_only": "k-NN, pose only",
     "knn_audio": "k-NN, audio pre-selected",
-    "knn": "k-NN, pose pre-selected",
+    "knn_published": "k-NN, pose pre-selected",
     "knn_mean_pose": "k-NN, from the mean pose",
     "knn_fifth": "k-NN, fifth best (k = 5)",
+    "knn": "k-NN, seams inertialised",
     "resync": "k-NN + cGAN",
 }
 METRICS = ("fgd", "fgd_train", "motion_variance", "beat_consistency", "beat_excess", "beat_rate", "synchrony")

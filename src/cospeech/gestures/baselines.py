@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cospeech.clip import Motion
+from cospeech.clip import Motion, speaker_bones
 from cospeech.errors import CospeechError
 
 
@@ -60,6 +60,10 @@ def _valid_stretches(clip):
 class MeanPose(Stretches):
     """`mean_pose`: the training part's mean, held."""
 
+    def __init__(self, clips):
+        super().__init__(clips)
+        self.bone_lengths = speaker_bones(clips)
+
     def generate(self, features, *, seed=0):
         """features (T, 28) -> Motion of T frames, all the same; `seed` changes nothing."""
         del seed
@@ -68,7 +72,8 @@ class MeanPose(Stretches):
             name: np.repeat(getattr(whole, name).mean(axis=0, dtype=np.float64)[None], len(features), axis=0)
             for name in self.names
         }
-        return replace(whole, **{name: array.astype(np.float32) for name, array in held.items()})
+        held = {name: array.astype(np.float32) for name, array in held.items()}
+        return replace(whole, **held, bone_lengths=self.bone_lengths)
 
 
 class RandomTake(Stretches):

@@ -47,6 +47,29 @@ def preset(name):
     return PRESETS[name]
 
 
+class ZScored(nn.Module):
+    """Base of networks that work on z-scores of named channels and answer in their units.
+
+    statistics : {name: (mean (C,), deviation (C,))} as of `cospeech.learning.windows.moments`: a deviation of 0 marks a channel
+    that does not move, whose z-score is about 0 and whose answer is the mean, exactly.
+    """
+
+    def __init__(self, statistics):
+        super().__init__()
+        for name, (mean, deviation) in statistics.items():
+            self.register_buffer(f"{name}_mean", torch.as_tensor(mean)[:, None])
+            self.register_buffer(f"{name}_deviation", torch.as_tensor(deviation)[:, None])
+
+    def standardized(self, name, x):
+        """(x - mean) / deviation; x (B, C, T)."""
+        deviation = getattr(self, f"{name}_deviation")
+        return (x - getattr(self, f"{name}_mean")) / torch.where(deviation > 0, deviation, 1.0)
+
+    def measured(self, name, x):
+        """Inverse of `standardized`."""
+        return x * getattr(self, f"{name}_deviation") + getattr(self, f"{name}_mean")
+
+
 ACTIVATIONS = {"relu": nn.ReLU, "leaky": lambda: nn.LeakyReLU(0.2)}
 NORMS = {"batch": nn.BatchNorm1d, "instance": lambda width: nn.InstanceNorm1d(width, affine=True)}
 POOLS = {"max": nn.MaxPool1d, "average": nn.AvgPool1d}

@@ -9,17 +9,24 @@ from cospeech.matching.search.matcher import Matcher
 from cospeech.matching.search.seams import check_seams, smoothed
 from cospeech.matching.trace import trace_of
 
+# What looks best, and the default of `knn` and `resync`: windows go on from the frame after the one that resembles the
+# last one shown, which else would be shown twice, and seams are transitions. Without these: Algorithm 1 as published.
+DEFAULTS = {"placement": "any_frame_continued", "seams": "inertialize"}
+
 
 class KNN:
-    """`knn`: Algorithm 1 as a generator, frames of the database unchanged unless `seams` are smoothed."""
+    """Algorithm 1 as a generator, frames of the database unchanged unless `seams` are smoothed.
 
-    def __init__(self, database):
-        self.matcher = Matcher(database)
+    placement, seams : what `match` and `generate` do unless they are told otherwise.
+    """
+
+    def __init__(self, database, placement="published", seams="off"):
+        self.matcher, self.placement, self.seams = Matcher(database), placement, seams
         self.signals = ControlSignals(database)
 
     def match(
         self, features, *, seed=0, k=1, initial="random", mask=None, exclude_take=None, variant="pose", controls=(),
-        words=None, gestures=None, placement="published",
+        words=None, gestures=None, placement=None,
     ):  # fmt: skip
         """(T, 28) speech features -> `Match`: clip, frame, take and time of every window. Options: `Matcher.search`.
 
@@ -31,6 +38,7 @@ class KNN:
         if k > len(database.pose):
             raise CospeechError(f"k is {k}, but the database has {len(database.pose)} clips to choose from")
         options = {"k": k, "initial": initial, "seed": seed, "variant": variant, "exclude_take": exclude_take}
+        placement = placement or self.placement
         matcher = self.matcher if placement == "published" else self.matcher.placed(placement)
         if not controls:
             return matcher.search(features, mask=mask, **options)
@@ -39,13 +47,14 @@ class KNN:
         called = Gestures(database, read_gestures(gestures, database) if gestures else None)
         return search(matcher, self.signals, features, controls, called, words, **options)
 
-    def generate(self, features, *, seed=0, report=None, seams="off", **options):
+    def generate(self, features, *, seed=0, report=None, seams=None, **options):
         """(T, 28) speech features -> Motion of T frames, with head rotations if the database has them, and its Trace.
 
         `seams` : what happens where one window follows another, see `cospeech.matching.search.seams.smoothed`; "off" is
-        Algorithm 1. `report` is called with the `Match`, for callers that want to know where the motion is from.
+        Algorithm 1, whose frames are the speaker's own to the bit. `report` is called with the `Match`, for callers
+        that want to know where the motion is from.
         """
-        seams = seams or "off"  # YAML reads a bare off as false
+        seams = self.seams if seams is None else seams or "off"  # YAML reads a bare off as false
         check_seams(seams)
         match = self.match(features, seed=seed, **options)
         if report:
@@ -56,4 +65,5 @@ class KNN:
 def motion_of(match, seams="off", **settings):
     """The Motion of a `Match`, for callers that keep both the motion and where it is from."""
     positions, rotation = smoothed(match, seams)
-    return Motion(positions, rotation, trace=trace_of(match, seams=seams, **settings))
+    bones = None if seams == "off" else match.database.bone_lengths
+    return Motion(positions, rotation, trace=trace_of(match, seams=seams, **settings), bone_lengths=bones)

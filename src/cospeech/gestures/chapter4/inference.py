@@ -12,6 +12,7 @@ class GestureGenerator:
     def __init__(self, path, threads=None):
         self.network = OnnxNetwork(path, threads)
         self.description = self.network.description
+        self.bone_lengths = np.array(self.description["bone_lengths"], np.float32)
 
     def generate(self, features, *, seed=0):
         """features (T, 28) -> Motion of T frames with head rotation and, if trained on faces, expression.
@@ -20,7 +21,7 @@ class GestureGenerator:
         """
         del seed
         vectors = self.network.run_long(features=features)
-        return vectors_to_motion(vectors, self.description["face_model"])
+        return vectors_to_motion(vectors, self.description["face_model"], self.bone_lengths)
 
 
 class Sampler(GestureGenerator):
@@ -46,4 +47,4 @@ class Sampler(GestureGenerator):
         if self.targets:
             wanted = self.targets[50] if target is None else target
             given["control"] = np.broadcast_to(np.asarray(wanted, np.float32), len(features))[:, None]
-        return vectors_to_motion(self.network.run_long(**given))
+        return vectors_to_motion(self.network.run_long(**given), bone_lengths=self.bone_lengths)

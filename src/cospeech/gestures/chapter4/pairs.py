@@ -2,11 +2,12 @@
 
 import numpy as np
 import torch
-from torch import nn
 
+from cospeech.clip import speaker_bones
 from cospeech.gestures.chapter4.vectors import motion_to_vectors
 from cospeech.learning.training import device
-from cospeech.learning.windows import Windows
+from cospeech.learning.unet1d import ZScored
+from cospeech.learning.windows import Windows, divisor, moments
 
 PARTS = ("face", "body", "hands")
 
@@ -17,7 +18,8 @@ class Pairs:
     further : {name: list of (T, C), one a clip}, what else belongs to the frames.
 
     Attributes: windows; channels {name: C}; statistics {name: (mean (C,), deviation (C,))}; changes {name: deviation
-    (C,) of the change from frame to frame}; parts, those of `PARTS` that there are; fps; face_model, "" without a face.
+    (C,) of the change from frame to frame}; parts, those of `PARTS` that there are; fps; face_model, "" without a face;
+    bone_lengths (55,), the speaker's.
     """
 
     def __init__(self, clips, frames, further=None):
@@ -30,10 +32,11 @@ class Pairs:
         self.windows = Windows(sequences, [clip.valid for clip in clips], frames)
         self.channels = {name: array.shape[1] for name, array in sequences[0].items()}
         self.statistics = {name: self.windows.statistics(name) for name in names}
-        self.changes = {name: _deviation_of_changes([s[name] for s in sequences]) for name in names}
+        self.changes = {name: _deviation_of_changes([s[name] for s in sequences], clips) for name in names}
         self.parts = [part for part in PARTS if part in names]
         self.fps = clips[0].fps
         self.face_model = clips[0].face_model if "face" in names else ""
+        self.bone_lengths = speaker_bones(clips)
 
     def sample(self, rng, count):
         """`count` random windows, {name: (count, C, frames) float32 tensor on the training device}."""
@@ -41,13 +44,14 @@ class Pairs:
         return {name: torch.from_numpy(array).to(device()).transpose(1, 2) for name, array in batch.items()}
 
 
-def _deviation_of_changes(arrays, floor=1e-6):
-    """(C,) over all frames of a list of (T, C); deviations under `floor` become 1 (constant channels)."""
-    deviation = np.concatenate([np.diff(array, axis=0) for array in arrays]).std(axis=0)
-    return np.where(deviation > floor, deviation, 1.0).astype(np.float32)
+def _deviation_of_changes(arrays, clips):
+    """(C,) over the changes between valid frames of a list of (T, C); 1 for a constant channel."""
+    both = [clip.valid[1:] & clip.valid[:-1] for clip in clips]
+    changes = [np.diff(array, axis=0)[valid] for array, valid in zip(arrays, both, strict=True)]
+    return divisor(moments([np.concatenate(changes)], constant=1e-6)[1])
 
 
-class MotionNetwork(nn.Module):
+class MotionNetwork(ZScored):
     """Base of networks that hear z-scored features and answer in metres and radians.
 
     What a subclass predicts are deviations from the training mean in units of the training deviation, so that outputs
@@ -55,16 +59,5 @@ class MotionNetwork(nn.Module):
     """
 
     def __init__(self, pairs):
-        super().__init__()
+        super().__init__(pairs.statistics)
         self.parts = pairs.parts
-        for name, (mean, deviation) in pairs.statistics.items():
-            self.register_buffer(f"{name}_mean", torch.as_tensor(mean)[:, None])
-            self.register_buffer(f"{name}_deviation", torch.as_tensor(deviation)[:, None])
-
-    def standardized(self, name, x):
-        """(x - mean) / deviation of the training part; x (B, C, T)."""
-        return (x - getattr(self, f"{name}_mean")) / getattr(self, f"{name}_deviation")
-
-    def measured(self, name, x):
-        """Inverse of `standardized`."""
-        return x * getattr(self, f"{name}_deviation") + getattr(self, f"{name}_mean")

@@ -21,7 +21,7 @@ from cospeech.matching.database.descriptors import (
     look_ahead,
     real_ahead,
 )
-from cospeech.skeleton import UPPER55
+from cospeech.skeleton import UPPER55, bone_lengths
 
 
 @dataclass
@@ -31,7 +31,8 @@ class Parts:
     positions (M, F, 55, 3), rotation (M, F, 3) or None, real (M, F) bool : as in `Database`.
     speech (M, F, 14) f4 : the searched speech features as they came.
     joints_after (S, 14, 24), speech_after (S, 14, 14) f4 : the 14 frames after each stretch's last clip.
-    clips (S,) i4 : each stretch's number of clips. take (M,) i4 into `takes`, start (M,) seconds.
+    clips (S,) i4, bones (S, 55) f4 : each stretch's number of clips and median bone lengths, metres.
+    take (M,) i4 into `takes`, start (M,) seconds.
     words, word_take : what was said, and in which take.
     """
 
@@ -42,6 +43,7 @@ class Parts:
     joints_after: np.ndarray
     speech_after: np.ndarray
     clips: np.ndarray
+    bones: np.ndarray
     take: np.ndarray
     takes: list
     start: np.ndarray
@@ -67,12 +69,14 @@ def parts_of(take, positions, features, valid, rotation, start, words, clip_fram
     whole = len(positions) // clip_frames
     kept = whole * clip_frames
     cut = lambda array: array[:kept].reshape(whole, clip_frames, *array.shape[1:])  # noqa: E731
+    bones = bone_lengths(positions[valid] if valid.any() else positions)
     after = np.minimum(np.arange(kept, kept + LOOKAHEAD), len(positions) - 1)
     return Parts(
         cut(positions).astype(np.float32), None if rotation is None else cut(rotation).astype(np.float32),
         cut(real_ahead(valid)), cut(features[:, :STATIC]).astype(np.float32),
         joints_of(positions[after])[None].astype(np.float32), features[after, :STATIC][None].astype(np.float32),
-        np.array([whole], np.int32), np.zeros(whole, np.int32), [take], start + np.arange(whole) * clip_frames / fps,
+        np.array([whole], np.int32), bones[None].astype(np.float32),
+        np.zeros(whole, np.int32), [take], start + np.arange(whole) * clip_frames / fps,
         Words(words.start + start, words.end + start, list(words.text)), np.zeros(len(words), np.int32),
     )  # fmt: skip
 

@@ -41,7 +41,7 @@ class FakePairs:
         return motion[..., : self.frames, :, :]
 
 
-def fake_pairs(database, features, takes, starts=None, *, seed=0, variant="pose"):
+def fake_pairs(database, features, takes, starts=None, *, seed=0, variant="pose", placement="published"):
     """k-NN motions for speech of the training part -> FakePairs.
 
     Each sequence starts at a random pose; half of them take the best candidate, the others one k of 2..15. Nothing is
@@ -51,6 +51,7 @@ def fake_pairs(database, features, takes, starts=None, *, seed=0, variant="pose"
     ----------
     features : (n, T, 28) speech features of n sequences.
     takes : n take names. starts : (n,) seconds of the sequences' first frames in their takes; needed for one take only.
+    placement : where windows may start, see `Database.placed`.
     """
     rng = np.random.default_rng(seed)
     count, frames = features.shape[:2]
@@ -58,7 +59,7 @@ def fake_pairs(database, features, takes, starts=None, *, seed=0, variant="pose"
     ranks[rng.random(count) < BEST_SHARE] = 1
     seeds = rng.integers(2**63, size=count)
     excluded = _exclusions(database, takes, starts, frames / database.fps)
-    matcher = Matcher(database)
+    matcher = Matcher(database, placement=placement)
     clip, frame = np.empty((2, count, -(-frames // WINDOW)), np.int32)
     for i in range(0, count, CHUNK):
         part = slice(i, i + CHUNK)

@@ -7,18 +7,19 @@ Two recipes by name, the thesis's text and the released code; `docs/resync.md` t
 from copy import deepcopy
 from dataclasses import asdict, dataclass
 
-import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional as F
 
+from cospeech.clip import speaker_bones
 from cospeech.errors import CospeechError, notice
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import autocast, descend, device
-from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
+from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, ZScored, preset
+from cospeech.learning.windows import divisor, moments
+from cospeech.matching.database.motion_database import PLACEMENTS
 from cospeech.matching.resync.conditions import Conditions, check_conditions
-from cospeech.matching.resync.window_pairs import moments, training_pairs
-from cospeech.skeleton import bone_lengths
+from cospeech.matching.resync.window_pairs import training_pairs
 
 MOTION_CHANNELS = 165
 LAYERS = {
@@ -41,6 +42,7 @@ class Settings:
     fidelity : weight of the L1 distance to the k-NN motion.
     statistics : z-score k-NN motion by `real` motion's, or in training by its own (`mixed`).
     keep : the `last` iteration, or the most `balanced` critic's of every thousandth after ten thousand.
+    placement : where the k-NN windows of the training pairs may start, see `Database.placed`.
     residual : add the network's output to the k-NN motion instead of replacing it; ours, for short trainings.
     condition, condition_weight : control signals that the generator is told and is to keep; ours.
     """
@@ -62,6 +64,7 @@ class Settings:
     fidelity: float = 0.1
     statistics: str = "real"
     keep: str = "last"
+    placement: str = "published"
     residual: bool = False
     condition: tuple = ()
     condition_weight: float = 1.0
@@ -75,7 +78,7 @@ PRESETS = {
 }
 CHOICES = {
     "preset": PRESETS, "layers": LAYERS, "penalty_at": ("generated", "interpolates"), "statistics": ("real", "mixed"),
-    "keep": ("last", "balanced"),
+    "keep": ("last", "balanced"), "placement": tuple(PLACEMENTS),
 }  # fmt: skip
 
 
@@ -92,14 +95,14 @@ def settings_from(section):
     return settings
 
 
-class ResyncNetwork(nn.Module):
+class ResyncNetwork(ZScored):
     """features (B, 28, T), matched (B, 165, T) parent-relative metres -> motion (B, 165, T) parent-relative metres.
 
     statistics : {"features", "motion" and, with conditions, "condition": (mean (C,), deviation (C,))} of real data.
     """
 
     def __init__(self, channels, settings, statistics, fps=15.0):
-        super().__init__()
+        super().__init__(statistics)
         widths, layers = preset(settings.widths).scaled(settings.width), LAYERS[settings.layers]
         self.residual = settings.residual
         self.conditions = Conditions(settings.condition, fps) if settings.condition else None
@@ -109,33 +112,29 @@ class ResyncNetwork(nn.Module):
             MOTION_CHANNELS, widths.encoder, widths.decoder, layers["activation"], layers["convolutions_last"]
         )
         initialise(self, settings)
-        for name, (mean, deviation) in statistics.items():
-            self.register_buffer(f"{name}_mean", torch.as_tensor(mean)[:, None])
-            self.register_buffer(f"{name}_deviation", torch.as_tensor(deviation)[:, None])
         if settings.residual:
             nn.init.zeros_(self.decoder.head.weight)
             nn.init.zeros_(self.decoder.head.bias)
 
-    def standardized(self, features, motion):
+    def joined(self, features, motion):
         """(B, 28 + 165, T): both z-scored by the statistics of the real training data."""
-        features = (features - self.features_mean) / self.features_deviation
-        return torch.cat([features, (motion - self.motion_mean) / self.motion_deviation], dim=1)
+        return torch.cat([self.standardized("features", features), self.standardized("motion", motion)], dim=1)
 
     def signals(self, motion):
         """Standardised motion (B, 165, T) -> the conditions' z-scored signals (B, S, T)."""
-        found = self.conditions(motion * self.motion_deviation + self.motion_mean)
-        return (found - self.condition_mean) / self.condition_deviation
+        return self.standardized("condition", self.conditions(self.measured("motion", motion)))
 
     def refine(self, x):
         """The generator on standardised input (B, 193, T) -> standardised motion (B, 165, T)."""
         matched = x[:, -MOTION_CHANNELS:]
         if self.conditions is not None:
             x = torch.cat([x, self.signals(matched)], dim=1)
-        out = self.decoder(self.encoder(x))
+        moves = self.motion_deviation > 0  # what never does would give generated motion away to the critic
+        out = self.decoder(self.encoder(x)) * moves
         return out + matched if self.residual else out
 
     def forward(self, features, matched):
-        return self.refine(self.standardized(features, matched)) * self.motion_deviation + self.motion_mean
+        return self.measured("motion", self.refine(self.joined(features, matched)))
 
 
 def initialise(network, settings):
@@ -209,10 +208,9 @@ class ResyncTask:
         if settings.keep == "balanced":
             self.modules["kept"] = Kept(self.generator)
         self.own = self.windows.statistics("matched") if settings.statistics == "mixed" else statistics["motion"]
-        lengths = np.median([bone_lengths(clip.positions) for clip in clips], axis=0)
         self.description = {
             "model": "resync", "settings": asdict(settings), "fps": fps, "multiple": MULTIPLE, "halo": HALO,
-            "bone_lengths": [round(float(length), 6) for length in lengths],
+            "bone_lengths": speaker_bones(clips).tolist(),
         }  # fmt: skip
 
     def _signal_statistics(self, conditions):
@@ -223,9 +221,9 @@ class ResyncTask:
     def iterate(self, step, rng):
         batch = self.windows.sample(rng, self.settings.batch)
         mean, deviation = self.own
-        batch["matched"] = (batch["matched"] - mean) / deviation
+        batch["matched"] = (batch["matched"] - mean) / divisor(deviation)
         tensors = {name: torch.from_numpy(array).to(device()).transpose(1, 2) for name, array in batch.items()}
-        real = self.generator.standardized(tensors["features"], tensors["motion"])
+        real = self.generator.joined(tensors["features"], tensors["motion"])
         matched = torch.cat([real[:, :-MOTION_CHANNELS], tensors["matched"]], dim=1)
         losses = self._update_critic(matched, real)
         if "kept" in self.modules:

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from cospeech.learning.windows import Windows
+from cospeech.learning.windows import Windows, moments
 from cospeech.matching.resync.fakes import fake_pairs
 from cospeech.skeleton import to_parent_relative
 
 BLOCK = 512  # windows of k-NN motion that statistics gather at a time
-FLOOR = 1e-4  # a channel that deviates less (metres, or speech units) is only centred
 
 
 class Pairs:
@@ -52,6 +51,8 @@ class Pairs:
 def training_pairs(clips, database, settings, seed, starts=None):
     """The `Pairs` of the training part, all of it: a window of `settings.frames` every `settings.stride` frames.
 
+    k-NN places its windows as `settings.placement` says.
+
     starts : seconds at which each clip begins in its take (None: at 0), so that with a single take in the database a
     window is not matched with itself.
     """
@@ -60,21 +61,11 @@ def training_pairs(clips, database, settings, seed, starts=None):
     takes = np.concatenate([np.full(len(clip), clip.clip) for clip in clips])[windows.starts]
     clock = [np.arange(len(c)) / c.fps + start for c, start in zip(clips, starts or [0.0] * len(clips), strict=True)]
     speech = windows.take(slice(None))["features"]
-    return Pairs(windows, fake_pairs(database, speech, takes, np.concatenate(clock)[windows.starts], seed=seed))
+    begins, placement = np.concatenate(clock)[windows.starts], settings.placement
+    return Pairs(windows, fake_pairs(database, speech, takes, begins, seed=seed, placement=placement))
 
 
 def relative(positions):
     """(..., 55, 3) metres -> (..., 165) float32, each joint relative to its parent."""
     moved = to_parent_relative(np.asarray(positions, np.float32))
     return moved.reshape(*moved.shape[:-2], -1)
-
-
-def moments(blocks):
-    """Mean and deviation (C,), (C,) float32 of (n, C) blocks; a deviation under `FLOOR` becomes 1."""
-    count = total = square = 0
-    for block in blocks:
-        block = block.astype(np.float64)
-        count, total, square = count + len(block), total + block.sum(axis=0), square + (block**2).sum(axis=0)
-    mean = total / count
-    deviation = np.sqrt(np.maximum(square / count - mean**2, 0.0))
-    return mean.astype(np.float32), np.where(deviation > FLOOR, deviation, 1.0).astype(np.float32)

@@ -128,8 +128,9 @@ def motion_from_vectors(vectors, table, figure):
         _bend_tips(positions)
     else:
         _mean_hands(positions, figure)
-    positions = with_bone_lengths(positions, bone_lengths(figure.rest[None]))
-    return Motion(positions.astype(np.float32), Rotation.from_matrix(axes).as_rotvec().astype(np.float32))
+    lengths = bone_lengths(figure.rest[None])
+    positions = with_bone_lengths(positions, lengths).astype(np.float32)
+    return Motion(positions, Rotation.from_matrix(axes).as_rotvec().astype(np.float32), bone_lengths=lengths)
 
 
 def _bones(positions, rotation, table):

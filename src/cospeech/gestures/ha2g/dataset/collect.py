@@ -54,7 +54,7 @@ def collect(takes, levels="expressive43", *, filters=None, embeddings=None, refe
     names = parts[0].keys()
     clips = {speaker: [take.clip for take in of_one] for speaker, of_one in kept.items()}
     corpus = Corpus(
-        table, list(kept), vocabulary, np.concatenate([p["vectors"] for p in parts]).mean(axis=0).ravel(),
+        table, list(kept), vocabulary, np.concatenate([p["vectors"][p["valid"]] for p in parts]).mean(axis=0).ravel(),
         mean_lengths([take.clip for take in listed], table),
         {speaker: measure_figure(of_one, table) for speaker, of_one in clips.items()},
         _table_of_takes(kept, listed, parts), np.zeros(0, np.int64), np.zeros(0, np.int64),
@@ -111,6 +111,7 @@ def _arrays(take, table, vocabulary):
     samples = np.pad(take.samples, (0, max(0, last + SAMPLES + 2 * HOP - len(take.samples))))
     return {
         "vectors": bone_vectors(clip.positions, clip.rotation, table),
+        "valid": clip.valid,
         "words": vocabulary.frames(clip.words, clip.frames, FPS).astype(np.int32),
         "mel": np.ascontiguousarray(log_mel(samples).T),
         "s2g_mel": np.ascontiguousarray(log_mel_s2g(samples).T),
@@ -129,7 +130,7 @@ def _table_of_takes(kept, listed, parts):
 
 def _windows(listed, parts, table, filters, counts):
     """(N,) takes and (N,) first frames of the windows that the filters keep; `counts` is added to."""
-    mean = mean_pose(np.concatenate([part["vectors"] for part in parts]), table)
+    mean = mean_pose(np.concatenate([part["vectors"][part["valid"]] for part in parts]), table)
     which, frames = [], []
     for number, (take, part) in enumerate(zip(listed, parts, strict=True)):
         starts = np.arange(0, take.clip.frames - FRAMES + 1, STRIDE)

@@ -25,7 +25,9 @@ FPS = 15.0
 FRAMES, STRIDE, SEED_FRAMES = 34, 10, 4  # of a window, between the starts of two, and given at its beginning
 SAMPLES = round(FRAMES / FPS * RATE)  # 36267
 KEYS = ("poses", "words", "mel", "wave", "s2g_mel", "speaker")
-CLOCKS = {"vectors": "frame", "words": "frame", "mel": "column", "s2g_mel": "s2g_column", "wave": "sample"}
+CLOCKS = {
+    "vectors": "frame", "valid": "frame", "words": "frame", "mel": "column", "s2g_mel": "s2g_column", "wave": "sample",
+}  # fmt: skip
 
 
 @dataclass
@@ -35,13 +37,13 @@ class Corpus:
     Attributes
     ----------
     levels : LevelTable. speakers : list of S names. vocabulary : Vocabulary of the training part.
-    mean : (3V,) float32, of all frames' unit vectors. lengths : (V,) mean bone lengths of all, metres.
+    mean : (3V,) float32, of all valid frames' unit vectors. lengths : (V,) mean bone lengths of all, metres.
     figures : {speaker: Figure}.
     takes : {"name": list of "<speaker>/<clip>", "speaker": (K,) numbers, "frame", "column", "s2g_column", "sample":
         (K,), where each take begins in the arrays of that clock}.
     window_take, window_frame : (N,) each window's take, and its first frame in that.
-    arrays : {name: array}: vectors (F, V, 3) f4, words (F,), mel (C, 128) f4, s2g_mel (C', 64) f4, wave (S,) i2. Those
-        that are missing are read from `path` when first asked for.
+    arrays : {name: array}: vectors (F, V, 3) f4, valid (F,) bool, words (F,), mel (C, 128) f4, s2g_mel (C', 64) f4,
+        wave (S,) i2. Those that are missing are read from `path` when first asked for.
     counts : {what: number} of takes and windows that were kept and dropped, see `filters`.
     references : {speaker: (K, side, side, 3) uint8 pictures}, or empty: the speakers are known by name alone.
     """
@@ -123,8 +125,8 @@ class Corpus:
         return self.arrays[name]
 
     def angle_statistics(self):
-        """Mean and variance (P,), (P,) of the table's included angles over all frames, in units of pi and of pi^2."""
-        angles = included_angles(self._array("vectors"), self.levels)
+        """Mean and variance (P,), (P,) of the table's included angles over valid frames, in units of pi and of pi^2."""
+        angles = included_angles(self._array("vectors")[self._array("valid")], self.levels)
         return angles.mean(axis=0), angles.var(axis=0)
 
     def digest(self):
