@@ -45,7 +45,7 @@ def test_the_loss_is_the_distance_of_the_signals(toy_clips, database):
     task = ResyncTask(toy_clips, settings_from(SMALL | {"critic_iterations": 1}), 0, database)
     batch = task.windows.take(slice(0, 4))
     x = {name: torch.from_numpy(array).mT for name, array in batch.items()}
-    matched = task.generator.standardized(x["features"], x["matched"])
+    matched = task.generator.joined(x["features"], x["matched"])
     with torch.no_grad():  # batch norm in training mode: the same batch gives the same motion
         motion = task.generator.refine(matched) * task.generator.motion_deviation + task.generator.motion_mean
     signals = Conditions(TOLD, 15.0)

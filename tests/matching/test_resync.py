@@ -92,7 +92,7 @@ def test_critic_learns_to_prefer_real_motion_and_the_generator_to_please_it(toy_
         task.iterate(step, np.random.default_rng(step))
     unseen = task.windows.take(slice(0, 30))
     x = {name: torch.from_numpy(array).transpose(1, 2) for name, array in unseen.items()}
-    matched, real = (task.generator.standardized(x["features"], x[name]) for name in ("matched", "motion"))
+    matched, real = (task.generator.joined(x["features"], x[name]) for name in ("matched", "motion"))
     score = lambda pairs: task.critic(pairs).mean().item()  # noqa: E731
     assert score(real) > score(matched) + 0.5
     before = score(task._fake(matched)[1])
@@ -104,7 +104,7 @@ def test_critic_learns_to_prefer_real_motion_and_the_generator_to_please_it(toy_
 @pytest.mark.parametrize("frames", [8, 50, 203])
 def test_any_length_and_the_speakers_bones(trained, database, toy_clips, frames):
     generator = Resynchronizer(KNN(database), trained / "model.onnx")
-    motion = generator.generate(make_clip(7, frames).features, seed=3)
+    motion = generator.generate(make_clip(7, frames).features, seed=3).whole()
     assert motion.positions.shape == (frames, 55, 3) and motion.rotation.shape == (frames, 3)
     np.testing.assert_allclose(bone_lengths(motion.positions), bone_lengths(toy_clips[0].positions), atol=1e-4)
 
