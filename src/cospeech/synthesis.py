@@ -94,8 +94,8 @@ def load_generator(model, subject_folder, threads=None, audio_rank=None):
     """The generator `model` of the subject whose results lie in `subject_folder`, ready to `generate`.
 
     audio_rank : how a model that searches compares speech: "plain" as published, "learned" with motion, by the networks
-        of `cospeech.matching.search.similarity`. None is learned, or plain with a notice where these are not trained, and
-        plain for `knn_published`.
+        of `cospeech.matching.search.similarity`. None is learned, or plain with a notice where these are not trained,
+        and plain for `knn_published`.
     """
     check_model(model)
     audio_rank = audio_rank or _usual_rank(model, Path(subject_folder))

@@ -50,8 +50,8 @@ def preset(name):
 class ZScored(nn.Module):
     """Base of networks that work on z-scores of named channels and answer in their units.
 
-    statistics : {name: (mean (C,), deviation (C,))} as of `cospeech.learning.windows.moments`: a deviation of 0 marks a channel
-    that does not move, whose z-score is about 0 and whose answer is the mean, exactly.
+    statistics : {name: (mean (C,), deviation (C,))} as `cospeech.learning.windows.moments` has them: a deviation of 0
+    marks a channel that does not move, whose z-score is about 0 and whose answer is the mean, exactly.
     """
 
     def __init__(self, statistics):
