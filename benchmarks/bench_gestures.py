@@ -18,8 +18,8 @@ import yaml
 
 from cospeech.clip import Clip
 from cospeech.gestures.chapter4.models import gesture_task
+from cospeech.gestures.generator import find, resolve
 from cospeech.learning.weights import export_onnx
-from cospeech.synthesis import load_network
 
 FPS = 15.0
 BUDGET = Path(__file__).parents[1] / "config" / "budgets" / "demo.yaml"
@@ -38,7 +38,7 @@ def network(model, settings, folder):
     task = gesture_task(model, [speaker()], settings, seed=0)
     module, example, outputs = task.export()
     export_onnx(module, folder / f"{model}.onnx", example, outputs, task.description)
-    return load_network(model, folder / f"{model}.onnx", threads=1), module
+    return resolve(find(model).generator)(folder / f"{model}.onnx", threads=1), module
 
 
 def frame_loop(module, features, noise):

@@ -10,11 +10,12 @@ import pytest
 from cospeech.cli import main
 from cospeech.clip import Clip
 from cospeech.formats.bvh import read_bvh
+from cospeech.gestures.generator import Recordings
 from cospeech.matching import Database
 from cospeech.skeleton import UPPER55, to_parent_relative
 from cospeech.speech import load_audio, write_wav
 from cospeech.split import split_clips
-from cospeech.synthesis import train_model
+from cospeech.synthesis import train
 
 RATE = 16000
 
@@ -30,7 +31,7 @@ def project(tmp_path_factory, toy_clips):
         rotations=[c.rotation for c in toy_clips],
     ).save(subject / "database.h5")  # fmt: skip
     settings = {"steps": 3, "batch": 4, "width": 0.05}
-    train_model("regression", toy_clips, settings, seed=0, folder=subject / "models" / "regression")
+    train("regression", Recordings(toy_clips), settings, seed=0, folder=subject / "models" / "regression")
     toy_clips[0].write(subject / "clips" / "take00.h5")
     (folder / "config.yaml").write_text(f"results_dir: {folder / 'out'}\nfps: 15\n")
     write_wav(folder / "talk.wav", noise(3.21), RATE)

@@ -7,12 +7,14 @@ import pytest
 
 from cospeech.clip import Clip, speaker_bones
 from cospeech.errors import CospeechNotice
+from cospeech.gestures.generator import Recordings, Speech
 from cospeech.matching import Database
+from cospeech.matching.knn import RANK
 from cospeech.matching.search.similarity import Settings, train_similarity
 from cospeech.skeleton import UPPER55, bone_lengths
 from cospeech.speech import write_wav
 from cospeech.split import split_clips
-from cospeech.synthesis import RANK, load_generator, synthesize, train_model
+from cospeech.synthesis import load, synthesize, train
 from tests.conftest import make_clip
 
 TINY = {"steps": 3, "batch": 4, "width": 0.05}
@@ -53,14 +55,14 @@ def subject(tmp_path_factory, clips):
     train_similarity(database, Settings(steps=3, embedding=8))[0].save(folder / RANK)
     for model, settings in NETWORKS.items():
         given = {"database": database} if model == "resync" else {}
-        train_model(model, clips, settings, seed=0, folder=folder / "models" / model, threads=1, **given)
+        train(model, Recordings(clips, **given), settings, seed=0, folder=folder / "models" / model, threads=1)
     return folder
 
 
 def speak(subject, model, seconds=9.0, audio_rank=None, **options):
     samples = (np.random.default_rng(3).normal(size=round(seconds * RATE)) * 0.05).astype(np.float32)
-    generator = load_generator(model, subject, 1, audio_rank)
-    return synthesize(generator, samples, RATE, subject="toy", clip="talk", model=model, **options)
+    generator = load(model, subject, 1, audio_rank=audio_rank)
+    return synthesize(generator, Speech(samples, RATE), subject="toy", clip="talk", model=model, **options)
 
 
 @pytest.mark.parametrize("smoothing", [None, 4.0])
@@ -125,7 +127,7 @@ def test_the_learned_rank_is_the_default_where_there_is_one(subject, tmp_path):
     features = make_clip(8).features
 
     def made(folder, rank=None):
-        return load_generator("knn", folder, audio_rank=rank).generate(features).positions
+        return load("knn", folder, audio_rank=rank).generate(features).positions
 
     with pytest.warns(CospeechNotice, match="audio_rank"):
         plain = made(tmp_path)

@@ -8,7 +8,7 @@ import pytest
 from cospeech.errors import CospeechError
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
 from cospeech.split import Split
-from cospeech.synthesis import load_generator
+from cospeech.synthesis import load
 from tests.conftest import make_clip
 
 
@@ -24,7 +24,7 @@ def folder(tmp_path, toy_clips):
 
 
 def test_mean_pose_is_that_of_the_valid_training_frames_alone(folder, toy_clips):
-    motion = load_generator("mean_pose", folder).generate(np.zeros((7, 28), "f4"))
+    motion = load("mean_pose", folder).generate(np.zeros((7, 28), "f4"))
     shown = np.concatenate([toy_clips[0].positions, toy_clips[1].positions[:100]])
     assert motion.positions.shape == (7, 55, 3) and motion.face_model == "toy"
     np.testing.assert_allclose(motion.positions[3], shown.mean(0), atol=1e-6)
@@ -37,8 +37,8 @@ def test_mean_pose_is_that_of_the_valid_training_frames_alone(folder, toy_clips)
 
 @pytest.mark.parametrize("seed", range(5))
 def test_random_is_one_stretch_of_one_training_take(folder, toy_clips, seed):
-    motion = load_generator("random", folder).generate(np.zeros((90, 28), "f4"), seed=seed)
-    again = load_generator("random", folder).generate(np.ones((90, 28), "f4"), seed=seed)
+    motion = load("random", folder).generate(np.zeros((90, 28), "f4"), seed=seed)
+    again = load("random", folder).generate(np.ones((90, 28), "f4"), seed=seed)
     np.testing.assert_array_equal(motion.positions, again.positions)  # the speech changes nothing
     shown = [toy_clips[0], toy_clips[1].section(0, 100)]
     starts = [(i, s) for i, clip in enumerate(shown) for s in range(clip.frames - 89)

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech import synthesis
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
 from cospeech.gestures.chapter4.gesture_gan import GestureTask, Settings, reconstruction_losses
 from cospeech.gestures.chapter4.inference import GestureGenerator
 from cospeech.gestures.chapter4.vectors import motion_to_vectors, vectors_to_motion
+from cospeech.gestures.generator import Recordings
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import train
 from cospeech.learning.unet1d import HALO, PRESETS, Critic, Decoder, Encoder
 from cospeech.learning.weights import load_weights
 from cospeech.skeleton import UPPER55
-from cospeech.synthesis import train_model
 from tests.conftest import make_clip
 
 SMALL = {"steps": 120, "batch": 8, "width": 0.1, "learning_rate": 3e-3}
@@ -25,7 +26,9 @@ SMALL = {"steps": 120, "batch": 8, "width": 0.1, "learning_rate": 3e-3}
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory, toy_clips):
     folder = tmp_path_factory.mktemp("gesture_gan")
-    train_model("gesture_gan", toy_clips, SMALL, seed=1, folder=folder, checkpoint=folder / "check.pt", threads=1)
+    synthesis.train(
+        "gesture_gan", Recordings(toy_clips), SMALL, seed=1, folder=folder, checkpoint=folder / "check.pt", threads=1
+    )
     return folder
 
 
@@ -158,7 +161,7 @@ def test_onnx_names_no_path_of_this_machine(trained):
 
 
 def test_same_seed_same_bytes(trained, tmp_path, toy_clips):
-    train_model("gesture_gan", toy_clips, SMALL, seed=1, folder=tmp_path, threads=1)
+    synthesis.train("gesture_gan", Recordings(toy_clips), SMALL, seed=1, folder=tmp_path, threads=1)
     for name in ("weights.safetensors", "model.onnx", "history.h5"):
         assert (tmp_path / name).read_bytes() == (trained / name).read_bytes(), name
 

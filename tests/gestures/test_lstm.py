@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech import synthesis
 from cospeech.errors import CospeechError
 from cospeech.gestures.chapter4.gesture_gan import GestureTask
 from cospeech.gestures.chapter4.gesture_gan import Settings as GestureSettings
@@ -11,9 +12,9 @@ from cospeech.gestures.chapter4.inference import GestureGenerator
 from cospeech.gestures.chapter4.lstm import LSTMTask, Settings
 from cospeech.gestures.chapter4.models import gesture_task
 from cospeech.gestures.chapter4.vectors import motion_to_vectors
+from cospeech.gestures.generator import Recordings
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import train
-from cospeech.synthesis import train_model
 from tests.conftest import make_clip
 
 SMALL = {"batch": 8, "hidden": 48, "learning_rate": 1e-2}
@@ -22,7 +23,7 @@ SMALL = {"batch": 8, "hidden": 48, "learning_rate": 1e-2}
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory, toy_clips):
     folder = tmp_path_factory.mktemp("lstm")
-    train_model("lstm", toy_clips, SMALL | {"steps": 40}, seed=1, folder=folder, threads=1)
+    synthesis.train("lstm", Recordings(toy_clips), SMALL | {"steps": 40}, seed=1, folder=folder, threads=1)
     return folder
 
 

@@ -11,8 +11,9 @@ from cospeech.errors import CospeechError
 from cospeech.gestures.chapter4.flow import LAYERS, Flow
 from cospeech.gestures.chapter4.inference import Sampler
 from cospeech.gestures.chapter4.moglow import AVERAGED, MoGlowTask, Settings, averaged
+from cospeech.gestures.generator import Recordings
 from cospeech.matching.control.signals import SIGNALS
-from cospeech.synthesis import load_network, train_model
+from cospeech.synthesis import load, train
 from tests.conftest import make_clip
 
 SMALL = Settings(steps=30, batch=6, frames=32, hidden=24, flows=2, history=3, look_ahead=4, warm_up=10, noise=0.1)
@@ -159,7 +160,7 @@ def test_learning_rate_rises_falls_and_stays():
 
 def test_samples_through_onnx(tmp_path, toy_clips):
     settings = {"steps": 20, "batch": 6, "frames": 32, "hidden": 16, "flows": 2, "look_ahead": 4, "warm_up": 10}
-    train_model("moglow", toy_clips, settings, seed=0, folder=tmp_path, threads=1)
+    train("moglow", Recordings(toy_clips), settings, seed=0, folder=tmp_path, threads=1)
     sampler = Sampler(tmp_path / "model.onnx")
     features = make_clip(5, 203).features
     one, same, other = (sampler.generate(features, seed=seed) for seed in (1, 1, 2))
@@ -213,8 +214,9 @@ def test_control_variant_follows_its_target():
 @pytest.fixture(scope="module")
 def controlled(tmp_path_factory, toy_clips):
     folder = tmp_path_factory.mktemp("moglow_height")
-    train_model("moglow_height", toy_clips, TINY, seed=0, folder=folder, threads=1)
-    return load_network("moglow_height", folder / "model.onnx")
+    network = folder / "models" / "moglow_height"
+    train("moglow_height", Recordings(toy_clips), TINY, seed=0, folder=network, threads=1)
+    return load("moglow_height", folder)
 
 
 def test_controls_are_targets_in_their_interval(controlled, toy_clips):

@@ -8,17 +8,19 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from cospeech import synthesis
 from cospeech.demo import write_take
 from cospeech.demo.film import build_set, film_take
 from cospeech.demo.take import read_motion
 from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.gestures.generator import Recordings, Speech
 from cospeech.gestures.ha2g.dataset.bones import bone_vectors
 from cospeech.gestures.ha2g.dataset.collect import collect
 from cospeech.gestures.ha2g.dataset.corpus import Corpus
 from cospeech.gestures.ha2g.dataset.filters import Filters
 from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.gestures.ha2g.dataset.references import ReferenceFrames, take_reference_frames
-from cospeech.gestures.ha2g.long_speech import SharedGenerator, train_shared
+from cospeech.gestures.ha2g.long_speech import SharedGenerator
 from cospeech.gestures.ha2g.models import ha2g_task
 from cospeech.gestures.ha2g.networks.identity import IdentityEncoder, ResNet18, export_identity, load_imagenet
 from cospeech.gestures.ha2g.networks.style import FrameStyle, StyleCoordinator
@@ -63,7 +65,7 @@ def trained(corpus, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ha2g")
     torch.set_num_threads(1)
     with pytest.warns(CospeechNotice, match="no ImageNet weights were named, it is trained from scratch"):
-        train_shared("ha2g", corpus, SMALL | {"steps": 80}, seed=0, folder=folder)
+        synthesis.train("ha2g", Recordings(corpus=corpus), SMALL | {"steps": 80}, seed=0, folder=folder)
     export_identity(folder / "weights.safetensors", folder / "identity.onnx")
     return folder
 
@@ -82,7 +84,7 @@ def lean(motion):
 def obedience(generator, style):
     """Correlation of the motion that a style gives to a new speech with the lean that the speech asks for."""
     take = spoken_take(50, "red", 200)
-    motion = generator.generate(take.samples, 16000, style=style, initial="mean")
+    motion = generator.generate(Speech(take.samples, 16000), style=style, initial="mean")
     return np.corrcoef(lean(motion), lean(take.clip))[0, 1]
 
 
@@ -182,10 +184,10 @@ def test_known_and_unknown_speakers_mix_by_weight(trained, tmp_path):
     whole = SharedGenerator(trained / "model.onnx", 1)
     generator = SharedGenerator(Listening(whole.network), identity=trained / "identity.onnx")
     path = stranger(tmp_path / "red.h5", RED, 70)
-    generator.generate(np.zeros(8000, np.float32), 16000, style=f"blue=1,{path}=3")
+    generator.generate(Speech(np.zeros(8000, np.float32), 16000), style=f"blue=1,{path}=3")
     np.testing.assert_allclose(given[0]["speaker"], [[0.0, 0.25]])
     np.testing.assert_allclose(given[0]["style"][0], 0.75 * whole.look(path), rtol=1e-5)
-    generator.generate(np.zeros(8000, np.float32), 16000, style="blue=1,red=3")
+    generator.generate(Speech(np.zeros(8000, np.float32), 16000), style="blue=1,red=3")
     np.testing.assert_allclose(given[1]["speaker"], [[0.75, 0.25]])
     assert not given[1]["style"].any()
 
@@ -271,15 +273,15 @@ def test_strangers_where_they_cannot_be_known_are_one_line(generator, trained, t
 
     by_name = SharedGenerator(Named())
     with pytest.raises(CospeechError, match=re.escape(f"{path}: ha2g knows its speakers (red, blue) by name, not by")):
-        by_name.generate(silence, 16000, style=path)
+        by_name.generate(Speech(silence, 16000), style=path)
     alone = SharedGenerator(trained / "model.onnx", 1, identity=tmp_path / "identity.onnx")
     with pytest.raises(CospeechError, match=r"identity\.onnx: no such file"):
-        alone.generate(silence, 16000, style=path)
+        alone.generate(Speech(silence, 16000), style=path)
     ReferenceFrames("big", snapshots(RED, 0, 2, 96), ["a"] * 2, np.arange(2.0), np.ones(2)).write(tmp_path / "big.h5")
     with pytest.raises(CospeechError, match=r"big\.h5: 96 pixels wide, the network knows pictures of 64"):
-        generator.generate(silence, 16000, style=str(tmp_path / "big.h5"))
+        generator.generate(Speech(silence, 16000), style=str(tmp_path / "big.h5"))
     with pytest.raises(CospeechError, match="no speaker 'green'; known: red, blue, or random"):
-        generator.generate(silence, 16000, style="green")
+        generator.generate(Speech(silence, 16000), style="green")
 
 
 # ---- The virtual speakers, on film ----------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ import pytest
 
 from cospeech.clip import Words
 from cospeech.errors import CospeechError
+from cospeech.gestures.generator import Speech
 from cospeech.gestures.ha2g.dataset.bones import Figure, bone_vectors
 from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary
@@ -68,7 +69,7 @@ def test_a_ramp_of_a_minute_is_heard_where_it_is():
     samples = np.arange(60 * RATE, dtype=np.float32) / (60 * RATE)
     where = np.rint(FRAME / 15 * RATE).astype(int)
     ramp = generator(lambda wave, seed: wave[:, where], "wave", "seed")
-    found = arm_angles(ramp.generate(samples, RATE))
+    found = arm_angles(ramp.generate(Speech(samples, RATE)))
     np.testing.assert_allclose(found, np.arange(900) / 15 / 60, atol=2e-5)
 
 
@@ -85,7 +86,7 @@ def test_clicks_of_a_minute_are_heard_when_they_click(kind):
     else:
         column = np.minimum(column, 224)
         listen = lambda s2g_mel, seed: (s2g_mel[:, column].mean(2) + 14) / 14  # noqa: E731
-    found = arm_angles(generator(listen, kind, "seed").generate(samples, RATE))
+    found = arm_angles(generator(listen, kind, "seed").generate(Speech(samples, RATE)))
     heard = np.flatnonzero(found > 0.2)
     late = heard[:, None] / 15 - times[None]
     assert np.abs(late).min(axis=1).max() < 1.6 / 15, "nothing is heard elsewhere"
@@ -96,7 +97,7 @@ def test_words_are_heard_at_their_frames():
     start = np.array([0.2, 3.05, 29.99, 44.0])
     words = Words(start, start + 0.1, ["tick", "tock", "tick", "tock"])
     network = generator(lambda words, seed: words / 10, "words", "seed")
-    found = arm_angles(network.generate(np.zeros(50 * RATE, np.float32), RATE, words=words))
+    found = arm_angles(network.generate(Speech(np.zeros(50 * RATE, np.float32), RATE, words)))
     numbers = {int(i): round(found[i] * 10) for i in np.flatnonzero(found > 0.05)}
     assert numbers == {3: 5, 45: 4, 449: 5, 660: 4}  # the more frequent word has the lower number
 
@@ -104,7 +105,7 @@ def test_words_are_heard_at_their_frames():
 def test_units_begin_where_the_last_ones_end():
     """A network that turns on from the seed by 0.01 a frame turns evenly through all of 20 s."""
     turn = lambda seed: np.arctan2(seed[:, :1, 3 * ARM + 1], seed[:, :1, 3 * ARM]) + 0.01 * FRAME  # noqa: E731
-    found = arm_angles(generator(turn, "seed").generate(np.zeros(20 * RATE, np.float32), RATE))
+    found = arm_angles(generator(turn, "seed").generate(Speech(np.zeros(20 * RATE, np.float32), RATE)))
     np.testing.assert_allclose(np.diff(found), 0.01, atol=1e-3)
 
 
@@ -120,7 +121,7 @@ def test_cross_fade_is_the_published_one():
 def test_any_length_gives_as_many_frames(seconds):
     samples = np.random.default_rng(0).normal(0, 0.1, round(seconds * 22050)).astype(np.float32)
     network = generator(lambda seed, speaker: seed[:, :1, 0], "seed", "speaker")
-    motion = network.generate(samples, 22050)
+    motion = network.generate(Speech(samples, 22050))
     assert len(motion) == round(seconds * 15) and np.isfinite(motion.positions).all()
     assert not motion.positions[:, UPPER55.root].any()
 
@@ -135,7 +136,7 @@ def test_every_frame_is_in_a_unit():
 def test_styles_are_mixed_by_name_and_weight():
     network = generator(lambda seed, speaker, style: speaker @ [[0.2], [1.0]], "seed", "speaker", "style")
     sound = np.zeros(RATE, np.float32)
-    said = lambda style: arm_angles(network.generate(sound, RATE, style=style)).mean()  # noqa: E731
+    said = lambda style: arm_angles(network.generate(Speech(sound, RATE), style=style)).mean()  # noqa: E731
     assert said("ann") == pytest.approx(0.2, abs=1e-5)
     assert said("ann=3,bob=1") == pytest.approx(0.4, abs=1e-5)
     assert said({"bob": 2.0}) == pytest.approx(1.0, abs=1e-5)
@@ -146,8 +147,8 @@ def test_a_drawn_style_is_of_the_seed():
     angle = lambda seed, speaker, style: 9 * speaker[:, :1] + 0.1 * style[:, :1]  # noqa: E731
     network = generator(angle, "seed", "speaker", "style")
     sound = np.zeros(RATE, np.float32)
-    drawn = [arm_angles(network.generate(sound, RATE, style="random", seed=seed)).mean() for seed in range(30)]
-    again = arm_angles(network.generate(sound, RATE, style="random", seed=4)).mean()
+    drawn = [arm_angles(network.generate(Speech(sound, RATE), style="random", seed=seed)).mean() for seed in range(30)]
+    again = arm_angles(network.generate(Speech(sound, RATE), style="random", seed=4)).mean()
     assert again == drawn[4] and len(set(drawn)) == 30
     assert 0.05 < np.std(drawn) < 0.16 and abs(np.mean(drawn)) < 0.06, "normal, and of no speaker"
 
@@ -160,15 +161,17 @@ def test_a_drawn_style_is_of_the_seed():
 def test_wrong_styles_are_one_line(style, line):
     network = generator(lambda seed, speaker: seed[:, :1, 0] + speaker[:, :1], "seed", "speaker")
     with pytest.raises(CospeechError, match=line):
-        network.generate(np.zeros(RATE, np.float32), RATE, style=style)
+        network.generate(Speech(np.zeros(RATE, np.float32), RATE), style=style)
     assert parse_style("ann=0.7, bob=0.3") == {"ann": 0.7, "bob": 0.3}
 
 
 def test_the_result_is_a_clip_like_any_other(tmp_path):
     network = generator(lambda seed, speaker: seed[:, :1, 0] + speaker[:, :1], "seed", "speaker")
     samples = np.random.default_rng(0).normal(0, 0.1, 3 * RATE).astype(np.float32)
-    clip = synthesize(network.hearing(samples, RATE), samples, RATE, subject="everyone", clip="talk", model="known_0",
+    clip = synthesize(network, Speech(samples, RATE), subject="everyone", clip="talk", model="known_0",
                       smoothing=0.0, style="ann")  # fmt: skip
     clip.write(tmp_path / "talk.h5")
     assert (clip.frames, clip.generator, clip.fps) == (45, "known_0", 15.0)
-    np.testing.assert_array_equal(clip.positions, network.generate(samples, RATE, style="ann").positions)
+    np.testing.assert_array_equal(
+        clip.positions, network.generate(Speech(samples, RATE), style="ann").whole().positions
+    )

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from cospeech import synthesis
 from cospeech.errors import CospeechError
+from cospeech.gestures.generator import Recordings
 from cospeech.learning.training import train
 from cospeech.matching import KNN, Database
 from cospeech.matching.control.signals import SIGNALS
@@ -12,7 +14,6 @@ from cospeech.matching.resync.conditions import CONDITIONS, Conditions
 from cospeech.matching.resync.gan import ResyncTask, settings_from
 from cospeech.matching.resync.refine import Resynchronizer
 from cospeech.matching.resync.window_pairs import relative
-from cospeech.synthesis import train_model
 from tests.conftest import make_clip
 
 TOLD = ["left_wrist_height", "left_wrist_speed", "symmetry"]
@@ -69,7 +70,9 @@ def test_a_conditioned_refiner_stays_nearer_to_the_signals(toy_clips, database):
 
 def test_a_conditioned_network_has_the_same_inputs(toy_clips, database, tmp_path):
     """Whoever generates need not know: features and k-NN motion in, any length."""
-    train_model("resync", toy_clips, SMALL | {"steps": 2}, seed=1, folder=tmp_path, database=database, threads=1)
+    synthesis.train(
+        "resync", Recordings(toy_clips, database=database), SMALL | {"steps": 2}, seed=1, folder=tmp_path, threads=1
+    )
     generator = Resynchronizer(KNN(database), tmp_path / "model.onnx", 1)
     assert generator.generate(make_clip(9, 75).features, seed=2).positions.shape == (75, 55, 3)
     assert generator.network.description["settings"]["condition"] == TOLD

@@ -7,12 +7,13 @@ import pytest
 import torch
 
 from cospeech.errors import CospeechError
+from cospeech.gestures.generator import Recordings
 from cospeech.matching import KNN, Database
 from cospeech.matching.resync.gan import PRESETS, Kept, ResyncNetwork, ResyncTask, gradient_penalty, settings_from
 from cospeech.matching.resync.refine import Resynchronizer
 from cospeech.matching.resync.window_pairs import training_pairs
 from cospeech.skeleton import bone_lengths, to_parent_relative
-from cospeech.synthesis import train_model
+from cospeech.synthesis import train
 from tests.conftest import make_clip
 
 SMALL = {"steps": 60, "batch": 8, "width": 0.06, "stride": 20, "learning_rate": 1e-3}
@@ -29,7 +30,7 @@ def database(toy_clips):
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory, toy_clips, database):
     folder = tmp_path_factory.mktemp("resync")
-    train_model("resync", toy_clips, SMALL, seed=1, folder=folder, database=database, threads=1)
+    train("resync", Recordings(toy_clips, database=database), SMALL, seed=1, folder=folder, threads=1)
     return folder
 
 
@@ -110,7 +111,7 @@ def test_any_length_and_the_speakers_bones(trained, database, toy_clips, frames)
 
 
 def test_same_seed_same_bytes(trained, tmp_path, toy_clips, database):
-    train_model("resync", toy_clips, SMALL, seed=1, folder=tmp_path, database=database, threads=1)
+    train("resync", Recordings(toy_clips, database=database), SMALL, seed=1, folder=tmp_path, threads=1)
     for name in ("weights.safetensors", "model.onnx", "history.h5"):
         assert (tmp_path / name).read_bytes() == (trained / name).read_bytes(), name
 

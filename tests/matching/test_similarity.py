@@ -7,7 +7,7 @@ import yaml
 from cospeech.errors import CospeechError
 from cospeech.matching import KNN, Database, Matcher
 from cospeech.matching.search.similarity import Settings, Similarity, motion_windows, train_similarity, usable
-from cospeech.synthesis import load_generator
+from cospeech.synthesis import load
 from tests.conftest import make_clip
 from tests.workflow.conftest import ROOT
 
@@ -89,16 +89,16 @@ def test_same_seed_same_weights(database):
 )
 def test_a_wrong_audio_rank_is_one_line(tmp_path, model, audio_rank, words):
     with pytest.raises(CospeechError, match=words):
-        load_generator(model, tmp_path, audio_rank=audio_rank)
+        load(model, tmp_path, audio_rank=audio_rank)
 
 
 def test_generator_with_the_learned_rank(database, similarity, tmp_path):
     database.save(tmp_path / "database.h5")
     with pytest.raises(CospeechError, match=r"audio_rank/weights\.safetensors: no such file"):
-        load_generator("knn", tmp_path, audio_rank="learned")
+        load("knn", tmp_path, audio_rank="learned")
     similarity.save(tmp_path / "models/audio_rank/weights.safetensors")
     features = make_clip(32, 90).features
-    plain, learned = (load_generator("knn", tmp_path, audio_rank=r).generate(features) for r in ("plain", "learned"))
+    plain, learned = (load("knn", tmp_path, audio_rank=r).generate(features) for r in ("plain", "learned"))
     assert not np.array_equal(plain.positions, learned.positions)
 
 

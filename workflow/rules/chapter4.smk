@@ -47,34 +47,27 @@ rule lip_table:
         "../scripts/lip_table.py"
 
 
-rule train_seeded:
+use rule train_model as train_seeded with:
     input:
         split="<results>/{subject}/split.h5",
         clips=clips_of("train"),
     output:
-        weights="<results>/{subject}/chapter4/{row}_{seed}/weights.safetensors",
-        network="<results>/{subject}/chapter4/{row}_{seed}/model.onnx",
-        history="<results>/{subject}/chapter4/{row}_{seed}/history.h5",
+        weights="<results>/{subject}/chapter4/{model}_{seed}/weights.safetensors",
+        network="<results>/{subject}/chapter4/{model}_{seed}/model.onnx",
+        history="<results>/{subject}/chapter4/{model}_{seed}/history.h5",
     log:
-        "<logs>/train_seeded/{subject}-{row}-{seed}.log",
+        "<logs>/train_seeded/{subject}-{model}-{seed}.log",
     benchmark:
-        "<benchmarks>/train_seeded/{subject}-{row}-{seed}.tsv"
+        "<benchmarks>/train_seeded/{subject}-{model}-{seed}.tsv"
     wildcard_constraints:
-        row="|".join(SEEDED),
+        model="|".join(SEEDED),
         seed="[0-9]+",
-    conda:
-        "../../envs/cospeech.yaml"
-    threads: BUDGET["threads"]
-    resources:
-        mem_mb=1900,
-        gpu=1,
     params:
-        model=lambda w: SEEDED[w.row][0],
+        model=lambda w: w.model,
         settings=seeded_settings,
-        checkpoint=f"{config['results_dir']}/checkpoints/{{subject}}-{{row}}_{{seed}}.pt",
-        code=library_code("train_seeded.py"),
-    script:
-        "../scripts/train_seeded.py"
+        seed=lambda w: int(w.seed),
+        checkpoint=f"{config['results_dir']}/checkpoints/{{subject}}-{{model}}_{{seed}}.pt",
+        code=library_code("train.py"),
 
 
 rule compare_seeded:
@@ -102,7 +95,6 @@ rule compare_seeded:
         mem_mb=1900,
     params:
         seeds=SEEDS,
-        models={row: model for row, (model, _) in SEEDED.items()},
         code=library_code("compare_seeded.py"),
     script:
         "../scripts/compare_seeded.py"

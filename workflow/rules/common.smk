@@ -11,17 +11,18 @@ from digest import library_code
 from restart import forgive_killed_run
 from video_takes import precomputed_of
 
+from cospeech.gestures.generator import find, named, settings_for
+
 forgive_killed_run(workflow)
 
 SUBJECTS, BUDGET = load_configuration(config, workflow)
 FILMS = on_film(SUBJECTS, config["results_dir"])  # of virtual speakers; they become clips and no more (films.smk)
 SPEAKERS = SUBJECTS | FILMS
 MODELS = config["models"]
-MATCHED = ("knn", "knn_published", "resync")
-DRAWN = ("mean_pose", "random")  # from the training part itself
-TRAINED = [model for model in MODELS if not model.startswith("knn") and model not in DRAWN]  # a search has no weights
+TRAINED = [model for model in MODELS if find(model).task]
+SEARCHING = named(needs="database")
 ROWS = ["ground_truth", "mismatched", "mean_pose", *MODELS]  # of every table; the first three are no models
-KNOWN = "regression|gesture_gan|velocity_gan|lstm|moglow(_height|_speed|_symmetry)?|knn(_published)?|resync|mean_pose|random"
+KNOWN = "|".join(named(learns="speaker"))
 SHOWN = f"ground_truth|{KNOWN}"  # wildcard constraint: whose motion lies under synthesis/
 SEEDS = config.get("chapter4", {}).get("seeds", [0, 1, 2])  # of the tables that have a deviation over seeds
 POSENET = {"parts": [], "data": {}, "imagenet": "", "seeds": [0, 1, 2]} | config.get("posenet", {})
@@ -62,11 +63,6 @@ def clips_of(*parts):
     return clips
 
 
-def section_of(model):
-    """The budget's section for a model: MoGlow's control variants share one."""
-    return "moglow" if model.startswith("moglow") else model
-
-
 def all_models():
     return [f"<results>/{name}/models/{model}/weights.safetensors" for name in SUBJECTS for model in TRAINED]
 
@@ -97,14 +93,12 @@ def all_films():
 def generator_of(wildcards):
     """Input function: what a model generates from."""
     folder = f"<results>/{wildcards.subject}"
-    if wildcards.model in DRAWN:
-        return {"split": f"{folder}/split.h5", "clips": clips_of("train")(wildcards)}
-    files = {"network": f"{folder}/models/{wildcards.model}/model.onnx"} if wildcards.model in TRAINED else {}
-    if wildcards.model in MATCHED:
-        files |= {"database": f"{folder}/database.h5"}
-        if wildcards.model != "knn_published":
-            files |= {"audio_rank": f"{folder}/models/audio_rank/weights.safetensors"}
-    return files
+    model = find(wildcards.model)
+    files = {"network": f"{folder}/models/{wildcards.model}/model.onnx"} if model.task else {}
+    if "clips" in model.needs:
+        files |= {"split": f"{folder}/split.h5", "clips": clips_of("train")(wildcards)}
+    named_files = {"database": "database.h5", "audio_rank": "models/audio_rank/weights.safetensors"}
+    return files | {need: f"{folder}/{file}" for need, file in named_files.items() if need in model.needs}
 
 
 def speech_of(wildcards):
@@ -127,7 +121,7 @@ def options_of(wildcards):
 def words_of(wildcards):
     """Where a `synthesis:` entry has its words from, if not from beside its sound."""
     entry = SYNTHESES.get((wildcards.subject, wildcards.model, wildcards.clip), {})
-    return {"path": entry.get("words"), "recognize": entry.get("recognize", False)}
+    return {"words": entry.get("words"), "recognize": entry.get("recognize", False)}
 
 
 def truth_beside(wildcards):

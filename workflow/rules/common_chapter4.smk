@@ -1,19 +1,8 @@
 # What the rows of the tables of thesis chapter 4 are, and the input functions of their rules (chapter4.smk).
 
-# Row: the model and the keys of the budget that it changes.
-SEEDED = {
-    "regression": ("regression", {}),
-    "lstm": ("lstm", {}),
-    "velocity_gan": ("velocity_gan", {}),
-    "pose_gan": ("gesture_gan", {"adversary": "pose"}),
-    "gesture_gan": ("gesture_gan", {}),
-    "moglow": ("moglow", {}),
-    "window16": ("gesture_gan", {"frames": 16}),
-    "window32": ("gesture_gan", {"frames": 32}),
-    "window128": ("gesture_gan", {"frames": 128}),
-}
+# Table: its rows, each a model or a variant of one, and what this table calls them.
 COMPARISONS = {
-    "generators": {r: r for r in ("regression", "lstm", "velocity_gan", "gesture_gan", "moglow")},
+    "generators": {row: row for row in ("regression", "lstm", "velocity_gan", "gesture_gan", "moglow")},
     "ablation": {
         "regression": "no adversary",
         "pose_gan": "adversary on pose",
@@ -27,6 +16,7 @@ COMPARISONS = {
         "window128": "128 frames",
     },
 }
+SEEDED = list(dict.fromkeys(row for rows in COMPARISONS.values() for row in rows))
 
 
 def seeded_networks(wildcards):
@@ -37,10 +27,9 @@ def seeded_networks(wildcards):
 
 def seeded_settings(wildcards):
     """The budget's section for a row; windows of another length come in batches of as many frames in all."""
-    model, changed = SEEDED[wildcards.row]
-    settings = BUDGET.get(model, {}) | BUDGET.get("chapter4", {}) | changed
-    if "frames" in changed:
-        settings["batch"] = max(2, round(settings.get("batch", 25) * 64 / changed["frames"]))
+    settings = settings_for(wildcards.model, BUDGET, "chapter4")
+    if frames := find(wildcards.model).changes.get("frames"):
+        settings["batch"] = max(2, round(settings.get("batch", 25) * 64 / frames))
     return settings
 
 

@@ -1,58 +1,26 @@
 # The ensemble, the rows of its tables, and the input functions of their rules (ha2g.smk, ha2g_tables.smk).
 
+from cospeech.gestures.generator import VARIANTS
+
 ENSEMBLE = {"name": "everyone", "speakers": [], "held_out": [], "levels": "expressive43", "identity": "speaker", "imagenet": "",
             "models": [], "seeds": [config["seed"]], "embeddings": "", "filters": {}} | config.get("ensemble", {})  # fmt: skip
 BY_FRAMES = ENSEMBLE["identity"] == "frames"  # what ha2g and its ablations know the speakers by; the others never do
 FILMED = [name for name, subject in SUBJECTS.items() if set(subject.filmed) & set(subject.takes_of("train"))]
-# Rows of Tables 3 and 4 of the publication, and one of our own, `words`: what they change in the budget's section `ha2g`.
-HA2G_ABLATIONS = {
-    "low_only": {"audio_levels": ["low"]},
-    "mid_only": {"audio_levels": ["mid"]},
-    "high_only": {"audio_levels": ["high"]},
-    "no_in_level_negatives": {"in_level_negatives": False},
-    "no_cross_level_negatives": {"cross_level_negatives": False},
-    "no_text": {"text": False},
-    "words": {"text_input": True},
-    "holistic": {"pose_hierarchy": "none"},
-    "no_hand_hierarchy": {"pose_hierarchy": "body"},
-    "no_body_hierarchy": {"pose_hierarchy": "hands"},
-    "same_audio": {"same_audio": True},
-    "no_physical": {"weights": {"physical": 0.0}},
-}
-SHARED_MODELS = ["ha2g", "trimodal", "seq2seq", "speech2gesture", "joint_embedding"]
+SHARED_MODELS = named(learns="speakers")
+HA2G_ABLATIONS = [row for row, model in VARIANTS.items() if model.of == "ha2g"]
 RULERS = ("expressive", "expressive_compat", "trimodal", "trimodal_compat")
 HA2G_BASELINES = ("ground_truth", "mismatched", "shuffled", "mean_pose")
-HA2G_LABELS = {
-    "seq2seq": "Seq2Seq",
-    "speech2gesture": "Speech2Gesture",
-    "joint_embedding": "Joint Embedding",
-    "trimodal": "Trimodal",
-    "ha2g": "HA2G",
-}
-OWN_MODELS = [model for model in MODELS if model not in DRAWN]  # each trained on one speaker alone
+HA2G_LABELS = {row: find(row).label for row in [*SHARED_MODELS, *HA2G_ABLATIONS]}
+OWN_MODELS = [model for model in MODELS if "clips" not in find(model).needs]  # each trained on one speaker alone
+TABLE_1 = ("seq2seq", "speech2gesture", "joint_embedding", "trimodal", "ha2g")
+TABLE_4 = ("holistic", "no_hand_hierarchy", "no_body_hierarchy", "same_audio", "no_physical")
 # Table: its rows, and what the publication calls them.
 HA2G_TABLES = {
     "ha2g_table_1": {row: row for row in HA2G_BASELINES}
-    | {row: label for row, label in HA2G_LABELS.items() if row in ENSEMBLE["models"]}
+    | {row: HA2G_LABELS[row] for row in TABLE_1 if row in ENSEMBLE["models"]}
     | {model: model for model in OWN_MODELS},
-    "ha2g_table_3": {
-        "low_only": "Low-level audio only",
-        "mid_only": "Mid-level audio only",
-        "high_only": "High-level audio only",
-        "no_in_level_negatives": "Without negatives of other times and clips",
-        "no_cross_level_negatives": "Without negatives of low and mid level",
-        "no_text": "Without text",
-        "words": "Hearing words when generating",
-        "ha2g": "HA2G",
-    },
-    "ha2g_table_4": {
-        "holistic": "Holistic",
-        "no_hand_hierarchy": "Without hand hierarchy",
-        "no_body_hierarchy": "Without body hierarchy",
-        "same_audio": "Same audio for every level",
-        "no_physical": "Without physical loss",
-        "ha2g": "HA2G",
-    },
+    "ha2g_table_3": {row: HA2G_LABELS[row] for row in [*HA2G_ABLATIONS, "ha2g"] if row not in TABLE_4},
+    "ha2g_table_4": {row: HA2G_LABELS[row] for row in [*TABLE_4, "ha2g"]},
 }
 ENSEMBLE_FOLDER = f"<results>/{ENSEMBLE['name']}"
 
@@ -89,19 +57,17 @@ def films_of(wildcards):
 
 def strangers_of(wildcards):
     """Input function: what shows a network the speakers whom it has not learned from."""
-    if wildcards.shared in ("ha2g", *HA2G_ABLATIONS) and frames_of(*ENSEMBLE["held_out"]):
-        network = "<results>/{ensemble}/models/{shared}_{seed}/identity.onnx"
+    if wildcards.model in ("ha2g", *HA2G_ABLATIONS) and frames_of(*ENSEMBLE["held_out"]):
+        network = "<results>/{ensemble}/models/{model}_{seed}/identity.onnx"
         return {"identity": network.format(**wildcards), "frames": frames_of(*ENSEMBLE["held_out"])}
     return {}
 
 
-def shared_settings(wildcards):
-    """The budget's section for a row; an ablation's is that of ha2g with what it changes."""
-    if wildcards.shared in SHARED_MODELS:
-        return BUDGET.get(wildcards.shared, {})
-    section, changes = BUDGET.get("ha2g", {}), HA2G_ABLATIONS[wildcards.shared]
-    weights = section.get("weights", {}) | changes.get("weights", {})
-    return section | changes | ({"weights": weights} if weights else {})
+def styles(wildcards):
+    """Whose manner a network takes for each speaker: the speaker's own as far as it can know it, or a drawn one."""
+    frames = strangers_of(wildcards).get("frames", [])
+    drawn = {name: "random" for name in ENSEMBLE["held_out"]}
+    return {name: name for name in ENSEMBLE["speakers"]} | drawn | {Path(file).parent.name: file for file in frames}
 
 
 def judged(*tables):

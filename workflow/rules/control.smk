@@ -1,11 +1,11 @@
 # Control and variants of the search: results/tables/table_5_3.csv, table_5_4.csv, results/figures/ (thesis 5.4).
 
 from cospeech.evaluation.variants import VARIANTS
-from cospeech.gestures.chapter4.models import CONTROLLED
 
 REFINED = ["knn", *(model for model in MODELS if model == "resync")]  # whose controls Table 5.3 compares
+CONTROLLED = {name: find(name).signal for name in named() if find(name).signal}
 TOLD = list(CONTROLLED) if set(CONTROLLED) <= set(MODELS) else []  # MoGlow's networks, one for each control signal
-STUDIED = list(SUBJECTS) if any(model in MATCHED for model in MODELS) else []  # who has a database to be controlled
+STUDIED = list(SUBJECTS) if any(model in SEARCHING for model in MODELS) else []  # who has a database to be controlled
 STUDIES = [f"<results>/{name}/evaluation/control.h5" for name in STUDIED]
 COMPARED = [f"<results>/{name}/evaluation/{row}.h5" for name in STUDIED for row in [*ROWS, *VARIANTS]]
 CURVES = [f"<results>/figures/figure_5_5_{name}.svg" for name in STUDIED]

@@ -2,10 +2,12 @@
 # A network lies in models/<row>_<seed>/, what it makes of every speaker's test clips in synthesis/<row>_<seed>/<subject>/.
 
 
+SHARED = "|".join([*SHARED_MODELS, *HA2G_ABLATIONS])
+
+
 wildcard_constraints:
     ensemble=ENSEMBLE["name"],
     filmed="|".join(FILMED) or "(?!)",
-    shared="|".join([*SHARED_MODELS, *HA2G_ABLATIONS]),
     seed=r"\d+",
 
 
@@ -63,43 +65,40 @@ rule collect_corpus:
         "../scripts/ha2g_corpus.py"
 
 
-rule train_shared:
+use rule train_model as train_shared with:
     input:
         corpus="<results>/{ensemble}/corpus.h5",
         imagenet=ENSEMBLE["imagenet"] or [],
     output:
-        weights="<results>/{ensemble}/models/{shared}_{seed}/weights.safetensors",
-        network="<results>/{ensemble}/models/{shared}_{seed}/model.onnx",
-        history="<results>/{ensemble}/models/{shared}_{seed}/history.h5",
+        weights="<results>/{ensemble}/models/{model}_{seed}/weights.safetensors",
+        network="<results>/{ensemble}/models/{model}_{seed}/model.onnx",
+        history="<results>/{ensemble}/models/{model}_{seed}/history.h5",
     log:
-        "<logs>/train_shared/{ensemble}-{shared}_{seed}.log",
+        "<logs>/train_shared/{ensemble}-{model}_{seed}.log",
     benchmark:
-        "<benchmarks>/train_shared/{ensemble}-{shared}_{seed}.tsv"
-    conda:
-        "../../envs/cospeech.yaml"
-    threads: BUDGET["threads"]
-    resources:
-        mem_mb=1900,
-        gpu=1,
+        "<benchmarks>/train_shared/{ensemble}-{model}_{seed}.tsv"
+    wildcard_constraints:
+        model=SHARED,
     params:
-        model=lambda w: w.shared if w.shared in SHARED_MODELS else "ha2g",
-        settings=shared_settings,
-        checkpoint=f"{config['results_dir']}/checkpoints/{{ensemble}}-{{shared}}_{{seed}}.pt",
-        code=library_code("ha2g_train.py"),
-    script:
-        "../scripts/ha2g_train.py"
+        model=lambda w: w.model,
+        settings=lambda w: settings_for(w.model, BUDGET),
+        seed=lambda w: int(w.seed),
+        checkpoint=f"{config['results_dir']}/checkpoints/{{ensemble}}-{{model}}_{{seed}}.pt",
+        code=library_code("train.py"),
 
 
 # What knows people by their looks, in a file of its own: with it a network takes after whomever a film shows.
 rule export_identity:
     input:
-        weights="<results>/{ensemble}/models/{shared}_{seed}/weights.safetensors",
+        weights="<results>/{ensemble}/models/{model}_{seed}/weights.safetensors",
     output:
-        identity="<results>/{ensemble}/models/{shared}_{seed}/identity.onnx",
+        identity="<results>/{ensemble}/models/{model}_{seed}/identity.onnx",
     log:
-        "<logs>/export_identity/{ensemble}-{shared}_{seed}.log",
+        "<logs>/export_identity/{ensemble}-{model}_{seed}.log",
     benchmark:
-        "<benchmarks>/export_identity/{ensemble}-{shared}_{seed}.tsv"
+        "<benchmarks>/export_identity/{ensemble}-{model}_{seed}.tsv"
+    wildcard_constraints:
+        model=SHARED,
     conda:
         "../../envs/cospeech.yaml"
     threads: 1
@@ -112,34 +111,34 @@ rule export_identity:
 
 
 # All test clips of a network in one job: opening it takes longer than using it.
-rule synthesize_shared:
+use rule synthesize as synthesize_shared with:
     input:
         unpack(strangers_of),
-        network="<results>/{ensemble}/models/{shared}_{seed}/model.onnx",
-        clips=ensemble_files("<results>/{subject}/synthesis/ground_truth/{clip}.h5", "test"),
+        network="<results>/{ensemble}/models/{model}_{seed}/model.onnx",
+        truth=ensemble_files("<results>/{subject}/synthesis/ground_truth/{clip}.h5", "test"),
         audio=ensemble_files("<results>/{subject}/synthesis/ground_truth/{clip}.wav", "test"),
     output:
-        ensemble_files("<results>/{{ensemble}}/synthesis/{{shared}}_{{seed}}/{subject}/{clip}.h5", "test"),
+        clip=ensemble_files("<results>/{{ensemble}}/synthesis/{{model}}_{{seed}}/{subject}/{clip}.h5", "test"),
     log:
-        "<logs>/synthesize_shared/{ensemble}-{shared}_{seed}.log",
+        "<logs>/synthesize_shared/{ensemble}-{model}_{seed}.log",
     benchmark:
-        "<benchmarks>/synthesize_shared/{ensemble}-{shared}_{seed}.tsv"
-    conda:
-        "../../envs/cospeech.yaml"
-    threads: 1
-    resources:
-        mem_mb=1500,
+        "<benchmarks>/synthesize_shared/{ensemble}-{model}_{seed}.tsv"
+    wildcard_constraints:
+        model=SHARED,
     params:
-        seed=config["seed"],
-        code=library_code("ha2g_synthesize.py"),
-    script:
-        "../scripts/ha2g_synthesize.py"
+        model=lambda w: f"{w.model}_{w.seed}",
+        folder=lambda w: f"{config['results_dir']}/{w.ensemble}",
+        fps=config["fps"],
+        options={"seed": config["seed"]},
+        words={},
+        styles=styles,
+        code=library_code("synthesize.py"),
 
 
 # Target: HA2G and its baselines at work. With an `ensemble:` in the configuration it is what is made by default.
 rule ha2g:
     input:
         shared_syntheses(*ENSEMBLE["models"]),
-        expand(rules.export_identity.output, ensemble=ENSEMBLE["name"], shared="ha2g", seed=ENSEMBLE["seeds"])
+        expand(rules.export_identity.output, ensemble=ENSEMBLE["name"], model="ha2g", seed=ENSEMBLE["seeds"])
         if BY_FRAMES and "ha2g" in ENSEMBLE["models"]
         else [],

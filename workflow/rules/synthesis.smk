@@ -40,10 +40,12 @@ rule synthesize:
     resources:
         mem_mb=1500,
     params:
+        model=lambda w: w.model,
         folder=lambda w: f"{config['results_dir']}/{w.subject}",
         fps=config["fps"],
         options=options_of,
         words=words_of,
+        styles={},
         code=library_code("synthesize.py"),
     script:
         "../scripts/synthesize.py"

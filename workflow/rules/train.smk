@@ -5,7 +5,7 @@ rule train_model:
     input:
         split="<results>/{subject}/split.h5",
         clips=clips_of("train"),
-        database=branch(lambda w: w.model in MATCHED, then="<results>/{subject}/database.h5"),
+        database=branch(lambda w: "database" in find(w.model).needs, then="<results>/{subject}/database.h5"),
     output:
         weights="<results>/{subject}/models/{model}/weights.safetensors",
         network="<results>/{subject}/models/{model}/model.onnx",
@@ -21,7 +21,8 @@ rule train_model:
         mem_mb=1900,
         gpu=1,
     params:
-        settings=lambda w: BUDGET.get(section_of(w.model), {}),  # a section left out has the published values
+        model=lambda w: w.model,
+        settings=lambda w: settings_for(w.model, BUDGET),  # a key left out has the published value
         seed=config["seed"],
         checkpoint=f"{config['results_dir']}/checkpoints/{{subject}}-{{model}}.pt",
         code=library_code("train.py"),

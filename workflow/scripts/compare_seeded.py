@@ -15,14 +15,14 @@ with job():
     from cospeech.evaluation.metrics.sync_classifier import SyncClassifier
     from cospeech.evaluation.tables import write_hdf5
     from cospeech.face.model import FaceModel
+    from cospeech.gestures.generator import find, resolve
     from cospeech.speech import load_audio
-    from cospeech.synthesis import load_network
 
     torch.set_num_threads(snakemake.threads)
     files, params, networks = snakemake.input, snakemake.params, {}
     for path in map(Path, files.networks):
         row, seed = path.parent.name.rsplit("_", 1)
-        networks.setdefault(row, {})[int(seed)] = load_network(params.models[row], path, snakemake.threads)
+        networks.setdefault(row, {})[int(seed)] = resolve(find(row).generator)(path, snakemake.threads)
     truth = {Path(path).stem: Clip.read(path) for path in files.ground_truth}
     train, _ = sections(files.split, "train", files.clips)
     audio = {Path(path).stem: load_audio(path) for path in files.audio}

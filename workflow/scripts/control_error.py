@@ -7,12 +7,12 @@ from job import job, snakemake
 with job():
     from cospeech.clip import Clip
     from cospeech.evaluation.control import study_controls
-    from cospeech.synthesis import load_generator
+    from cospeech.synthesis import load
 
     folder, params = snakemake.params.folder, snakemake.params
-    generators = {model: load_generator(model, folder, snakemake.threads) for model in params.models}
+    generators = {model: load(model, folder, snakemake.threads) for model in params.models}
     if params.told:
-        generators["moglow"] = {s: load_generator(model, folder, snakemake.threads) for s, model in params.told.items()}
+        generators["moglow"] = {s: load(model, folder, snakemake.threads) for s, model in params.told.items()}
     clips = {Path(path).stem: Clip.read(path) for path in snakemake.input.clips}
     study = study_controls(snakemake.wildcards.subject, generators, clips, seed=params.seed)
     study.write(snakemake.output.study)

@@ -1,4 +1,4 @@
-"""Speech in, a clip of generated motion out."""
+"""Speech in, clips of generated motion out: one clip, or all test clips of a network that is dear to open."""
 
 import os
 from pathlib import Path
@@ -7,26 +7,26 @@ from job import job, snakemake
 
 with job():
     from cospeech.clip import Clip
-    from cospeech.files import sha256
-    from cospeech.speech import load_audio, words_of_speech
-    from cospeech.synthesis import load_generator, synthesize
+    from cospeech.gestures.generator import Speech
+    from cospeech.synthesis import load, synthesize
 
-    audio, truth, out = snakemake.input.audio, snakemake.input.get("truth"), Path(snakemake.output.clip)
-    generator = load_generator(snakemake.wildcards.model, snakemake.params.folder, snakemake.threads)
-    samples, rate = load_audio(audio)
-    words = Clip.read(truth).words if truth else words_of_speech(audio, samples, rate, **snakemake.params.words)
-    clip = synthesize(
-        generator,
-        samples,
-        rate,
-        subject=snakemake.wildcards.subject,
-        clip=snakemake.wildcards.clip,
-        model=snakemake.wildcards.model,
-        fps=snakemake.params.fps,
-        words=words,
-        audio=os.path.relpath(audio, out.parent),
-        source=Path(audio).name,
-        source_sha256=sha256(audio),
-        **snakemake.params.options,
-    )
-    clip.write(out)
+    files, params = snakemake.input, snakemake.params
+    generator = load(params.model, params.folder, snakemake.threads)
+    listed = lambda paths: [paths] if isinstance(paths, str) else list(paths)  # noqa: E731
+    audios, outs = listed(files.audio), map(Path, listed(snakemake.output.clip))
+    truths = [Clip.read(path) for path in listed(files.get("truth", []))] or [None] * len(audios)
+    for audio, truth, out in zip(audios, truths, outs, strict=True):
+        subject = truth.subject if truth else snakemake.wildcards.subject
+        speech = Speech.load(audio, params.fps, **({"words": truth.words} if truth else params.words))
+        style = {"style": params.styles[subject]} if params.styles else {}
+        clip = synthesize(
+            generator,
+            speech,
+            subject=subject,
+            clip=out.stem,
+            model=params.model,
+            audio=os.path.relpath(audio, out.parent),
+            **params.options,
+            **style,
+        )
+        clip.write(out)

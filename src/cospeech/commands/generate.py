@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from cospeech.commands.results import configuration, subject_folder
-from cospeech.commands.shared import ensemble_folder, generate_shared
 from cospeech.errors import CospeechError
 
 
@@ -81,32 +80,23 @@ def _results(options):
 
 def _generate(options):
     """Generate motion for a speech with a trained model, and write it in the format that the suffix of --out names."""
-    from cospeech.files import sha256
-    from cospeech.speech import load_audio, words_of_speech
-    from cospeech.synthesis import check_model, load_generator, synthesize
+    from cospeech.gestures.generator import Speech, find
+    from cospeech.synthesis import load, synthesize
 
     for name in ("subject", "model", "audio", "out"):
         if getattr(options, name) is None:
             raise CospeechError(f"--{name} is missing; `cospeech generate --help` tells what it is")
-    if ensemble := ensemble_folder(options):
-        _check_suffix(options.out)
-        generate_shared(options, ensemble, _write)
-        return
-    check_model(options.model)
-    if options.style:
-        raise CospeechError(f"--style mixes the speakers of an ensemble, and {options.subject!r} is none")
-    chosen = _search_options(options)
+    chosen = _asked(options, find(options.model))
     _check_suffix(options.out)
     folder, fps = _results(options)
-    samples, rate = load_audio(options.audio)
-    words = words_of_speech(options.audio, samples, rate, options.words, options.recognize)
-    generator = load_generator(options.model, folder, options.threads, options.audio_rank)
+    rank = {"audio_rank": chosen.pop("audio_rank", None)}
+    speech = Speech.load(options.audio, fps, options.words, options.recognize)
     clip = synthesize(
-        generator, samples, rate, subject=options.subject, clip=Path(options.audio).stem, model=options.model, fps=fps,
-        seed=options.seed, words=words, smoothing=options.smoothing, audio=str(Path(options.audio).resolve()),
-        source=Path(options.audio).name, source_sha256=sha256(options.audio), replace=options.replace, **chosen,
+        load(options.model, folder, options.threads, **rank), speech, subject=options.subject,
+        clip=Path(options.audio).stem, model=options.model, seed=options.seed, smoothing=options.smoothing,
+        audio=str(Path(options.audio).resolve()), replace=options.replace, **chosen,
     )  # fmt: skip
-    _write(clip, options.out, samples, rate)
+    _write(clip, options.out, speech)
     print(f"{options.out}: {clip.frames} frames, {clip.duration:.2f} s at {clip.fps:g} fps")
     if options.explain:
         from cospeech.matching.explain import explain
@@ -114,18 +104,21 @@ def _generate(options):
         print(explain(clip.trace, clip.fps))
 
 
-def _search_options(options):
-    """What is asked of the k-NN search, for the generators that have one."""
-    from cospeech.synthesis import MATCHED
+def _asked(options, model):
+    """What is asked of the generator; CospeechError for what it does not know."""
+    from cospeech.gestures.generator import MATCHING
 
-    names = ("k", "initial", "placement", "control", "keyword", "gestures", "seams")
-    asked = {name: value for name in names if (value := getattr(options, name)) is not None}
-    named = [*asked, *(["explain"] if options.explain else [])]
-    told = options.model.startswith("moglow_") and named == ["control"]  # MoGlow's variants, which take a target
-    if named and options.model not in MATCHED and not told:
-        raise CospeechError(f"--{named[0]} is about matches, which {options.model} has none of; use knn or resync")
+    given = {name: getattr(options, name) for name in (*MATCHING, "style")}
+    asked = {name: value for name, value in given.items() if value is not None and value is not False}
+    for name in asked:
+        if name == "style" and name not in model.options:
+            raise CospeechError(f"--style mixes the speakers of an ensemble, and {options.subject!r} is none")
+        if name not in model.options:
+            dashed = name.replace("_", "-")
+            raise CospeechError(f"--{dashed} is about matches, which {options.model} has none of; use knn or resync")
     if "gestures" in asked and "keyword" not in asked:
         raise CospeechError("--gestures has gestures for --keyword; name one, as in --keyword huge=wide")
+    asked.pop("explain", None)
     controls, keywords = asked.pop("control", []), asked.pop("keyword", [])
     if controls or keywords:
         from cospeech.matching.control.controls import Control
@@ -135,11 +128,11 @@ def _search_options(options):
     return asked
 
 
-def _write(clip, out, samples, rate):
+def _write(clip, out, speech):
     if Path(out).suffix.lower() == ".mp4":
         from cospeech.render.video import render_video
 
-        render_video(out, [(f"{clip.subject} · {clip.generator}", clip)], audio=(samples, rate))
+        render_video(out, [(f"{clip.subject} · {clip.generator}", clip)], audio=(speech.samples, speech.rate))
     else:
         from cospeech.formats.export import export_clip
 

@@ -26,8 +26,8 @@ def configuration(path):
 
 
 def subject_folder(results, subject):
-    """Folder of a subject that has been trained; CospeechError that lists those there are."""
-    trained = sorted(f.parent.name for f in results.glob("*/split.h5"))
+    """Folder of a subject or ensemble that has been trained; CospeechError that lists those there are."""
+    trained = sorted(f.parent.name for name in ("split.h5", "corpus.h5") for f in results.glob(f"*/{name}"))
     if subject not in trained:
         known = f"trained there: {', '.join(trained)}" if trained else "run `snakemake --cores 2` first"
         raise CospeechError(f"subject {subject!r}: no results under {results}; {known}")

@@ -16,7 +16,8 @@ from cospeech.evaluation.result import BASELINES, Evaluation
 from cospeech.evaluation.tables import SCHEMA, headings, number, summarise
 from cospeech.files import reading_hdf5, writing
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
-from cospeech.synthesis import finished, usual_smoothing
+from cospeech.gestures.generator import find
+from cospeech.synthesis import finished
 
 COLUMNS = ("fgd", "fgd_train", "diversity", "motion_variance", "beat_excess", "synchrony", "speed_hellinger", "jerk")
 LIPS, SYNC = "lip_error", "judged_in_sync"  # kept as attributes of an Evaluation, in mm and as a share
@@ -26,7 +27,7 @@ def clips_of(generator, truth, row, seed=0):
     """What a generator makes for the speech of {clip id: Clip}, smoothed as `synthesize` does: {clip id: Clip}."""
     made = {}
     for name, clip in truth.items():
-        sigma = usual_smoothing(row)
+        sigma = find(row).smoothing
         motion = finished(generator.generate(clip.features, seed=seed), sigma)
         made[name] = replace(
             clip, positions=motion.positions.astype(np.float32), rotation=motion.rotation,

@@ -12,9 +12,10 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.evaluation.tables import number
 from cospeech.files import put, reading_hdf5, writing, writing_hdf5
+from cospeech.gestures.generator import find
 from cospeech.matching.control.controls import Wanted
 from cospeech.matching.control.signals import SIGNALS
-from cospeech.synthesis import finished, usual_smoothing
+from cospeech.synthesis import finished
 
 SCHEMA = "cospeech.control"
 BEFORE = "knn"  # whose motion the refined ones start from
@@ -107,7 +108,7 @@ def study_controls(subject, generators, clips, seed=0):
 
 def _motion(generator, model, clip, seed, controls):
     motion = generator.generate(clip.features, seed=seed, controls=controls)
-    return finished(motion, usual_smoothing(model)).positions
+    return finished(motion, find(model).smoothing).positions
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,20 @@
 """What every generator is compared with: motion of the speaker's own that has nothing to do with the speech."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from cospeech.clip import Motion, speaker_bones
+from cospeech.clip import Clip, Motion, speaker_bones
 from cospeech.errors import CospeechError
+from cospeech.gestures.generator import Speech
+from cospeech.split import Split
+
+
+def training_part(folder):
+    """The clips of the training part of the subject whose results lie in `folder`, cut to it."""
+    ranges = Split.read(Path(folder) / "split.h5").of("train")
+    return [Clip.read(Path(folder) / "clips" / f"{take}.h5").section(start, stop) for take, start, stop in ranges]
 
 
 def mismatched(clips):
@@ -43,6 +52,12 @@ class Stretches:
             and (name != "expression" or self.face_model)
         ]  # fmt: skip
 
+    @classmethod
+    def load(cls, name, folder, threads=None):
+        """From the training part of the subject whose results lie in `folder`."""
+        del name, threads
+        return cls(training_part(folder))
+
     def joined(self, parts):
         """Motion of [(number of a stretch, first frame, frame after the last)] one after the other."""
         arrays = {
@@ -64,12 +79,13 @@ class MeanPose(Stretches):
         super().__init__(clips)
         self.bone_lengths = speaker_bones(clips)
 
-    def generate(self, features, *, seed=0):
-        """features (T, 28) -> Motion of T frames, all the same; `seed` changes nothing."""
+    def generate(self, speech, *, seed=0):
+        """Speech -> Motion of T frames, all the same; `seed` changes nothing."""
         del seed
+        frames = len(Speech.of(speech))
         whole = self.joined([(i, 0, len(motion)) for i, motion in enumerate(self.motions)])
         held = {
-            name: np.repeat(getattr(whole, name).mean(axis=0, dtype=np.float64)[None], len(features), axis=0)
+            name: np.repeat(getattr(whole, name).mean(axis=0, dtype=np.float64)[None], frames, axis=0)
             for name in self.names
         }
         held = {name: array.astype(np.float32) for name, array in held.items()}
@@ -79,10 +95,10 @@ class MeanPose(Stretches):
 class RandomTake(Stretches):
     """`random`: a random stretch of a training take; where none is long enough, several one after the other."""
 
-    def generate(self, features, *, seed=0):
-        """features (T, 28) -> Motion of T frames; another `seed`, another stretch."""
+    def generate(self, speech, *, seed=0):
+        """Speech -> Motion of T frames; another `seed`, another stretch."""
         rng, lengths = np.random.default_rng(seed), np.array([len(motion) for motion in self.motions])
-        missing, parts = len(features), []
+        missing, parts = len(Speech.of(speech)), []
         while missing:
             long = lengths >= missing
             among = np.flatnonzero(long) if long.any() else np.arange(len(lengths))

@@ -3,24 +3,30 @@
 import numpy as np
 
 from cospeech.gestures.chapter4.vectors import vectors_to_motion
+from cospeech.gestures.generator import Speech
 from cospeech.learning.weights import OnnxNetwork
 
 
 class GestureGenerator:
-    """Any network of `gestures.models` from its ONNX file."""
+    """Any network of chapter 4 from its ONNX file."""
 
     def __init__(self, path, threads=None):
         self.network = OnnxNetwork(path, threads)
         self.description = self.network.description
         self.bone_lengths = np.array(self.description["bone_lengths"], np.float32)
 
-    def generate(self, features, *, seed=0):
-        """features (T, 28) -> Motion of T frames with head rotation and, if trained on faces, expression.
+    @classmethod
+    def load(cls, name, folder, threads=None):
+        """The network `name` of the subject whose results lie in `folder`."""
+        return cls(folder / "models" / name / "model.onnx", threads)
+
+    def generate(self, speech, *, seed=0):
+        """Speech -> Motion of T frames with head rotation and, if trained on faces, expression.
 
         The network is deterministic: `seed` is accepted, as by every generator, and changes nothing.
         """
         del seed
-        vectors = self.network.run_long(features=features)
+        vectors = self.network.run_long(features=Speech.of(speech).features)
         return vectors_to_motion(vectors, self.description["face_model"], self.bone_lengths)
 
 
@@ -35,12 +41,13 @@ class Sampler(GestureGenerator):
         found = self.description.get("targets")
         return found and {int(percentile): value for percentile, value in found.items()}
 
-    def generate(self, features, *, seed=0, temperature=1.0, target=None):
-        """features (T, 28) -> Motion of T frames with head rotation; another `seed`, other motion.
+    def generate(self, speech, *, seed=0, temperature=1.0, target=None):
+        """Speech -> Motion of T frames with head rotation; another `seed`, other motion.
 
         temperature : deviation of the noise; below 1 the motion is nearer to the likeliest. target : of a control
         variant, what its signal shall be, a number or (T,), in its unit; None is the training part's median.
         """
+        features = Speech.of(speech).features
         channels = sum(self.description["channels"][part] for part in ("body", "hands"))
         noise = temperature * np.random.default_rng(seed).standard_normal((len(features), channels), dtype=np.float32)
         given = {"features": features, "noise": noise}

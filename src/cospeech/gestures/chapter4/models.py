@@ -2,20 +2,21 @@
 
 from dataclasses import replace
 
+from cospeech.gestures.generator import MODELS
 from cospeech.learning.settings import settings_of
 
-ADVERSARY = {"regression": "none", "gesture_gan": "audio_pose", "velocity_gan": "velocity"}  # of the chapter 4 network
-# MoGlow trained with a control signal as one more input, one network for each, as thesis chapter 5 compares against.
-CONTROLLED = {"moglow_height": "left_wrist_height", "moglow_speed": "left_wrist_speed", "moglow_symmetry": "symmetry"}
-GESTURES = (*ADVERSARY, "lstm", "moglow", *CONTROLLED)
+
+def training_task(name, recordings, settings, seed):
+    """The training `Task` of one of chapter 4's models on `Recordings`."""
+    return gesture_task(name, recordings.clips, settings, seed, recordings.control.get(MODELS[name].signal))
 
 
 def gesture_task(model, clips, settings, seed, control=None):
-    """The training `Task` of one of `GESTURES` on clips; `settings` is the budget's section of that name, a dict.
+    """The training `Task` of one of chapter 4's models on clips; `settings` is its section of the budget, a dict.
 
-    control : for those of `CONTROLLED`, their signal in every clip, list of (T,).
+    control : for MoGlow's control variants, their signal in every clip, list of (T,).
     """
-    if model == "moglow" or model in CONTROLLED:
+    if MODELS[model].section == "moglow":
         from cospeech.gestures.chapter4.moglow import MoGlowTask, Settings
 
         return MoGlowTask(clips, settings_of(Settings(), settings, model), seed, model, control)
@@ -25,5 +26,5 @@ def gesture_task(model, clips, settings, seed, control=None):
         return LSTMTask(clips, settings_of(Settings(), settings, model), seed)
     from cospeech.gestures.chapter4.gesture_gan import GestureTask, Settings
 
-    defaults = replace(Settings(), adversary=ADVERSARY[model])
+    defaults = replace(Settings(), **MODELS[model].defaults)
     return GestureTask(clips, settings_of(defaults, settings, model), seed, model)

@@ -4,12 +4,12 @@ Each unit begins with the last 4 poses of the one before and is faded in over th
 code). Where a unit begins in the speech is counted in seconds on every clock, so that nothing drifts.
 """
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
+from cospeech.gestures.generator import Speech
 from cospeech.gestures.ha2g.dataset.bones import Figure, motion_from_vectors
 from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
 from cospeech.gestures.ha2g.dataset.levels import level_table
@@ -20,61 +20,7 @@ from cospeech.speech.mel import COLUMNS, HOP, S2G_COLUMNS, S2G_HOP, column_at, l
 from cospeech.speech.mfcc import RATE
 
 HOP_FRAMES = FRAMES - SEED_FRAMES  # from one unit's first frame to the next one's
-STARTS = 64  # beginnings of training windows that a model keeps to start from
 RANDOM = "random"  # the style that is drawn
-
-
-def train_shared(model, corpus, settings, *, seed, folder, imagenet=None, checkpoint=None, threads=None):
-    """Train one of `models.MODELS` on a `Corpus` and write weights.safetensors, model.onnx and history.h5 to `folder`.
-
-    settings : dict, the budget's section; missing keys have the published values. imagenet : path of weights for HA2G's
-    identity encoder, see `identity.load_imagenet`; used if the corpus has reference frames. checkpoint : path for
-    resuming, outside `folder`. threads : int, CPU threads of torch.
-    """
-    import json
-    from hashlib import sha256
-
-    import torch
-
-    from cospeech.gestures.ha2g.models import ha2g_task
-    from cospeech.learning.training import finish, train
-    from cospeech.learning.weights import export_onnx, save_weights
-
-    if threads:
-        torch.set_num_threads(threads)
-    task = ha2g_task(model, corpus, settings, seed)
-    if "picture" in task.description:
-        from cospeech.gestures.ha2g.networks.identity import load_imagenet
-
-        load_imagenet(task.generator.style.encoder, imagenet)
-    description = task.description | {
-        "starts": _starts(corpus, seed), "figures": {name: f.lists() for name, f in corpus.figures.items()}
-    }  # fmt: skip
-    told = json.dumps(description, sort_keys=True) + corpus.digest() + str(imagenet or "")
-    identity = sha256(told.encode()).hexdigest()
-    history = train(
-        task, task.settings.steps, seed=seed, checkpoint=checkpoint, identity=identity,
-        label=f"{'+'.join(corpus.speakers[:3])} {model}",
-    )  # fmt: skip
-    module, example, outputs = task.export()
-    folder = Path(folder)
-    save_weights(folder / "weights.safetensors", module.state_dict(), task.description)
-    export_onnx(module, folder / "model.onnx", example, outputs, description, sequences=False)
-    history.write(folder / "history.h5")
-    finish(checkpoint)
-
-
-def _starts(corpus, seed):
-    """The first poses of some training windows and who speaks in them: {"poses": (K, 4, 3V), "speaker": (K,)} lists."""
-    chosen = np.random.default_rng(seed).permutation(len(corpus))
-    speaker = corpus.speaker[chosen]
-    # From every speaker equally many, as far as there are so many speakers' windows.
-    rank = np.zeros(len(chosen), int)
-    for number in range(len(corpus.speakers)):
-        rank[speaker == number] = np.arange(np.sum(speaker == number))
-    chosen = np.sort(chosen[np.argsort(rank, kind="stable")[:STARTS]])
-    arrays = corpus.windows(chosen, ("poses", "speaker"))
-    return {"poses": np.round(arrays["poses"][:, :SEED_FRAMES], 4).tolist(), "speaker": arrays["speaker"].tolist()}
 
 
 class SharedGenerator:
@@ -95,32 +41,31 @@ class SharedGenerator:
         self.mean = np.array(about["mean"], np.float32)
         self.figures = {name: Figure.of(lists) for name, lists in about["figures"].items()}
 
-    def hearing(self, samples, rate, words=None):
-        """This generator as `cospeech.synthesis.synthesize` calls one: with the speech itself instead of features."""
-        return _Hearing(partial(self.generate, samples, rate, words=words))
+    @classmethod
+    def load(cls, name, folder, threads=None):
+        """The network `name` of the ensemble whose results lie in `folder`: `ha2g_1`, or `ha2g` of the first seed."""
+        return cls(network_folder(name, folder) / "model.onnx", threads)
 
-    def generate(self, samples, rate, frames=None, *, words=None, style=None, initial=RANDOM, seed=0):
-        """The motion of a speech.
+    def generate(self, speech, *, style=None, initial=RANDOM, seed=0):
+        """Speech -> Motion of round(duration * 15) frames.
 
-        Parameters
-        ----------
-        samples : (N,) float32 mono at `rate` Hz. frames : how many, or round(duration * 15).
-        words : `Words` of the speech, for networks that hear them; None leaves them unheard.
+        Words of the speech are heard by networks that hear them; None leaves them unheard.
         style : {speaker: weight}, "calm", "calm=0.7,lively=0.3", or "random" for a style vector drawn from the normal
             distribution; None is every speaker's by the same weight. A speaker may be a file of reference frames
             (.h5), of whomever, if the network knows speakers by their looks.
         initial : the poses before the first frame, "random" from the training part or "mean". seed : of what is drawn.
 
-        Returns `Motion` of `frames` frames; its bones are those of the style's speakers, mixed by weight (of all, where
+        The motion's bones are those of the style's speakers, mixed by weight (of all, where
         the style has none of them).
         """
-        frames = round(len(samples) / rate * FPS) if frames is None else frames
+        speech = Speech.of(speech)
+        frames = len(speech)
         (weights, strangers), rng = self.weights_of(style), np.random.default_rng(seed)
         given = {"seed": self._initial(initial, weights, rng)[None], "speaker": weights[None].astype(np.float32)}
         if "style" in self.inputs:
             vector = rng.standard_normal(self.inputs["style"]) if style == RANDOM else self._style_of(strangers)
             given["style"] = vector[None].astype(np.float32)
-        heard = self._heard(samples, rate, frames, words)
+        heard = self._heard(speech, frames)
         poses = self._units(heard, given, unit_starts(frames))[:frames]
         vectors = (poses + self.mean).reshape(len(poses), -1, 3)
         shares = weights if weights.any() else np.full(len(weights), 1 / len(weights))
@@ -176,12 +121,14 @@ class SharedGenerator:
             return np.zeros(self.inputs["seed"], np.float32)
         return np.array(starts["poses"][which], np.float32)
 
-    def _heard(self, samples, rate, frames, words):
+    def _heard(self, speech, frames):
         """{input: function of a unit's first frame} for what this network hears of the speech."""
         import soxr
 
-        samples = np.asarray(samples, np.float32)
-        samples = samples if rate == RATE else soxr.resample(samples, rate, RATE, quality="HQ")
+        if speech.samples is None:
+            raise CospeechError(f"{self.description['model']}: hears the sound itself, and features alone are given")
+        samples, words = np.asarray(speech.samples, np.float32), speech.words
+        samples = samples if speech.rate == RATE else soxr.resample(samples, speech.rate, RATE, quality="HQ")
         reach = round(unit_starts(frames)[-1] / FPS * RATE) + SAMPLES + 2 * HOP
         samples = np.pad(samples, (0, max(0, reach - len(samples))))
         heard = {}
@@ -212,14 +159,14 @@ class SharedGenerator:
         return cross_fade(units)
 
 
-class _Hearing:
-    """A generator of motion for the length of some features, whatever they say."""
-
-    def __init__(self, speak):
-        self.speak = speak
-
-    def generate(self, features, *, seed=0, **options):
-        return self.speak(len(features), seed=seed, **options)
+def network_folder(name, folder):
+    """Where an ensemble's network lies, by its name, `ha2g_1`, or by its row alone, `ha2g`: the first seed's."""
+    trained = sorted(file.parent for file in Path(folder).glob("models/*/model.onnx"))
+    for network in trained:
+        if name in (network.name, network.name.rpartition("_")[0]):
+            return network
+    known = ", ".join(network.name for network in trained) or "none; make them with config/ha2g.yaml first"
+    raise CospeechError(f"model {name!r}: not trained for {Path(folder).name}; trained there: {known}")
 
 
 def unit_starts(frames):

@@ -25,22 +25,31 @@ The rows of HA2G's Tables 3 and 4 are settings of `ha2g` (`hierarchy.Settings`):
 """
 
 from cospeech.errors import CospeechError
+from cospeech.gestures.generator import named, resolve
 
-MODELS = ("ha2g", "trimodal", "seq2seq", "speech2gesture", "joint_embedding")
+MODELS = tuple(named(learns="speakers"))
+TASKS = {
+    "ha2g": "hierarchy:HA2GTask",
+    "trimodal": "trimodal:TrimodalTask",
+    "seq2seq": "seq2seq:Seq2SeqTask",
+    "speech2gesture": "speech2gesture:Speech2GestureTask",
+    "joint_embedding": "joint_embedding:JointEmbeddingTask",
+}
 
 
 def ha2g_task(model, corpus, settings, seed):
     """The training `Task` of one of `MODELS` on a `Corpus`; `settings` is the budget's section of that name, a dict."""
-    if model == "ha2g":
-        from cospeech.gestures.ha2g.hierarchy import HA2GTask as Task
-    elif model == "trimodal":
-        from cospeech.gestures.ha2g.trimodal import TrimodalTask as Task
-    elif model == "seq2seq":
-        from cospeech.gestures.ha2g.seq2seq import Seq2SeqTask as Task
-    elif model == "speech2gesture":
-        from cospeech.gestures.ha2g.speech2gesture import Speech2GestureTask as Task
-    elif model == "joint_embedding":
-        from cospeech.gestures.ha2g.joint_embedding import JointEmbeddingTask as Task
-    else:
+    if model not in TASKS:
         raise CospeechError(f"model {model!r} is not known; known: {', '.join(MODELS)}")
-    return Task(corpus, Task.settings_of(settings, corpus), seed)
+    task = resolve(f"cospeech.gestures.ha2g.{TASKS[model]}")
+    return task(corpus, task.settings_of(settings, corpus), seed)
+
+
+def training_task(name, recordings, settings, seed):
+    """The same on `Recordings`, whose `imagenet` HA2G's identity encoder starts from, if there are reference frames."""
+    task = ha2g_task(name, recordings.corpus, settings, seed)
+    if "picture" in task.description:
+        from cospeech.gestures.ha2g.networks.identity import load_imagenet
+
+        load_imagenet(task.generator.style.encoder, recordings.imagenet)
+    return task

@@ -20,10 +20,11 @@ class WindowTask:
 
     model = ""
     heard = ()
+    sequences = False  # its inputs are units of a fixed length
 
     def __init__(self, corpus, settings, seed):
         torch.manual_seed(seed)
-        self.corpus = corpus
+        self.corpus, self.seed = corpus, seed
         steps = settings.steps or max(1, round(settings.epochs * len(corpus) / settings.batch))
         self.settings = replace(settings, steps=steps)
         self.modules, self.optimizers = {}, {}
@@ -64,6 +65,12 @@ class WindowTask:
             "speakers": list(corpus.speakers), "vocabulary": list(corpus.vocabulary.words) if "words" in self.heard
             else [], "multiple": 1, "halo": None,
         }  # fmt: skip
+
+    @property
+    def remembered(self):
+        """What the file that generates holds besides: first poses of training windows, and every speaker's build."""
+        figures = {name: figure.lists() for name, figure in self.corpus.figures.items()}
+        return {"starts": self.corpus.starts(self.seed), "figures": figures}
 
     def example(self):
         """{input: example (1, ...)} of the network at work, given one unit after the other; words in float32."""

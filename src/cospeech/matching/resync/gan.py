@@ -268,3 +268,9 @@ class ResyncTask:
         sizes = {"features": len(generator.features_mean), "matched": MOTION_CHANNELS}
         example = {name: torch.zeros(2, size, self.settings.frames) for name, size in sizes.items()}
         return generator.cpu().eval(), example, ["motion"]
+
+
+def training_task(name, recordings, settings, seed):
+    """The training of `resync` on `Recordings` with a database."""
+    del name
+    return ResyncTask(recordings.clips, settings_from(settings), seed, recordings.database, recordings.starts)

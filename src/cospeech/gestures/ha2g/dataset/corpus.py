@@ -24,6 +24,7 @@ SCHEMA = "cospeech.corpus"
 FPS = 15.0
 FRAMES, STRIDE, SEED_FRAMES = 34, 10, 4  # of a window, between the starts of two, and given at its beginning
 SAMPLES = round(FRAMES / FPS * RATE)  # 36267
+STARTS = 64  # beginnings of training windows that a model keeps to start from
 KEYS = ("poses", "words", "mel", "wave", "s2g_mel", "speaker")
 CLOCKS = {
     "vectors": "frame", "valid": "frame", "words": "frame", "mel": "column", "s2g_mel": "s2g_column", "wave": "sample",
@@ -128,6 +129,18 @@ class Corpus:
         """Mean and variance (P,), (P,) of the table's included angles over valid frames, in units of pi and of pi^2."""
         angles = included_angles(self._array("vectors")[self._array("valid")], self.levels)
         return angles.mean(axis=0), angles.var(axis=0)
+
+    def starts(self, seed):
+        """First poses of some training windows and who speaks in them: {"poses": (K, 4, 3V), "speaker": (K,)} lists."""
+        chosen = np.random.default_rng(seed).permutation(len(self))
+        speaker = self.speaker[chosen]
+        # From every speaker equally many, as far as there are so many speakers' windows.
+        rank = np.zeros(len(chosen), int)
+        for number in range(len(self.speakers)):
+            rank[speaker == number] = np.arange(np.sum(speaker == number))
+        chosen = np.sort(chosen[np.argsort(rank, kind="stable")[:STARTS]])
+        arrays = self.windows(chosen, ("poses", "speaker"))
+        return {"poses": np.round(arrays["poses"][:, :SEED_FRAMES], 4).tolist(), "speaker": arrays["speaker"].tolist()}
 
     def digest(self):
         """A hexadecimal number that differs where a training's result would."""
