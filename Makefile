@@ -26,18 +26,19 @@ env: $(VENV)/.installed  ## the environment alone, in .venv
 test: env $(VENV)/.node  ## environment, then all tests (PYTEST="-k name" for some)
 	pytest $(PYTEST)
 
-lint: env  ## ruff, snakefmt and snakemake --lint
+lint: env  ## ruff, snakefmt, snakemake --lint and the house's figures
 	ruff check .
 	ruff format --check .
 	snakefmt --line-length 120 --check Snakefile workflow
 	snakemake --lint
+	python tools/house.py
 
 bench: env  ## the benchmarks beside each hot path
 	@set -e; for script in benchmarks/bench_*.py; do echo "== $$script"; python $$script; done
 
 clean:  ## remove caches; results/, .snakemake/ and .venv stay
 	rm -rf .pytest_cache .ruff_cache .hypothesis .benchmarks build dist
-	find src tests workflow benchmarks -name __pycache__ -prune -exec rm -rf {} +
+	find src tests workflow benchmarks tools -name __pycache__ -prune -exec rm -rf {} +
 
 pins:  ## find newer versions of everything and write envs/requirements.txt (needs a network)
 	envs/pins.sh $(PYTHON) > requirements.new

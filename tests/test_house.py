@@ -6,18 +6,9 @@ from pathlib import Path
 import pytest
 
 import cospeech
+from tools.house import ORDER, STRANGERS
 
 SOURCE = Path(cospeech.__file__).parent
-# Top to bottom: a module may import from its own room and from those above it.
-ORDER = [
-    *("errors", "files", "skeleton", "rotation", "clip", "track"),
-    *("face", "speech", "formats", "capture"),
-    *("learning", "split"),
-    *("posenet", "people", "gestures", "matching", "synthesis"),
-    *("evaluation", "render", "study", "demo", "commands", "cli"),
-]
-# Rooms that do not know each other.
-STRANGERS = [{room, other} for room in ("posenet", "people") for other in ("gestures", "matching")]
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 
