@@ -14,10 +14,13 @@ SCRIPTS = Path(__file__).parent / "scripts"
 
 
 def library_code(script):
-    """Digest of all the code of this project that a script runs, and of the data that lies with it."""
+    """Digest of all the code of this project that a script runs, and of the data that lies with it.
+
+    The same wherever the project and the library lie: a copy of the project does not rerun what was made elsewhere.
+    """
     digest = hashlib.sha256()
     for file in library_files(script):
-        digest.update(f"{file.name}\0".encode() + file.read_bytes())
+        digest.update(f"{_name(file)}\0".encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -33,7 +36,13 @@ def library_files(script):
         queue += found - modules
         modules |= found
     folders = {module.parent for module in modules}
-    return sorted(modules | {file for file, home in _data(root) if home in folders})
+    return sorted(modules | {file for file, home in _data(root) if home in folders}, key=_name)
+
+
+def _name(file):
+    """A file's path below the folder that holds the package, or below workflow/."""
+    package = Path(cospeech.__file__).parent
+    return file.relative_to(package.parent if package in file.parents else SCRIPTS.parent).as_posix()
 
 
 @cache

@@ -1,6 +1,10 @@
 """What a run would do: the jobs of a dry run, targets, and what makes a rule run again."""
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -64,6 +68,21 @@ def test_a_rule_sees_the_library_code_that_it_runs_and_no_other():
     assert {path.suffix for path in library_files("render.py")} <= {".py", ".yaml", ".html", ".js", ".txt"}  # no caches
     assert "training.py" in {path.name for path in library_files("train.py")}
     assert library_code("export.py") == library_code("export.py") != library_code("train.py")
+
+
+def test_the_digest_is_the_same_wherever_project_and_library_lie(tmp_path):
+    digests = []
+    for library, project in (("a/site-packages", "b/talks"), ("b/site-packages", "a/talks")):
+        shutil.copytree(ROOT / "src/cospeech", tmp_path / library / "cospeech")
+        shutil.copytree(ROOT / "workflow", tmp_path / project / "workflow")
+        code = "import digest; print(digest.library_code('export.py'), *digest.library_files('export.py'))"
+        paths = f"{tmp_path / library}{os.pathsep}{tmp_path / project / 'workflow'}"
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(command, env={"PYTHONPATH": paths}, capture_output=True, text=True, check=True)
+        digest, *files = done.stdout.split()
+        assert all(file.startswith(str(tmp_path)) for file in files)
+        digests.append(digest)
+    assert digests[0] == digests[1]
 
 
 def test_pins_cover_every_dependency_and_name_no_machine():
