@@ -16,6 +16,7 @@ from video_takes import film_takes
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.split import PARTS, split_clips
 
+DEFAULT = Path("config/config.yaml")
 SCHEMAS = Path(__file__).parent / "schemas"
 SHARES = {"train": 0.8, "val": 0.1, "test": 0.1, "by": "take"}
 
@@ -92,11 +93,33 @@ def on_film(subjects, results):
     return films
 
 
+def check_place(workflow):
+    """End a run that was started where there is no configuration, by one line that says where there is."""
+    if not DEFAULT.is_file() and not workflow.overwrite_configfiles:
+        print(f"error: {_elsewhere(workflow.basedir, 'my.yaml')}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _elsewhere(home, files):
+    """What to do where the default configuration is not found."""
+    default = Path(home) / DEFAULT
+    return (
+        f"{DEFAULT} was not found in {Path.cwd()}; start snakemake in {home}, or give the default here, before what "
+        f"differs from it: --configfile {default} {files}"
+    )
+
+
 def load_configuration(config, workflow):
     """`read_configuration` of a running workflow; a mistake is printed as one line and ends it with status 2."""
     files = dict.fromkeys([*workflow.overwrite_configfiles, *workflow.configfiles])
-    label = " + ".join(os.path.relpath(file) if Path.cwd() in Path(file).parents else str(file) for file in files)
+    files = [os.path.relpath(file) if Path.cwd() in Path(file).parents else str(file) for file in files]
+    label = " + ".join(files)
     try:
+        lacks = [key for key in read_yaml(SCHEMAS / "config.schema.yaml")["required"] if key not in config]
+        if lacks and not DEFAULT.is_file():
+            raise CospeechError(
+                f"{label}: key {lacks[0]!r} is missing; {_elsewhere(workflow.basedir, ' '.join(files))}"
+            )
         subjects, budget = read_configuration(config, label or "config", workflow.basedir)
         for line in [line for subject in subjects.values() for line in subject.absent.values()]:
             print(f"note: {line}; left out", file=sys.stderr)

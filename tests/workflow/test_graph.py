@@ -50,6 +50,19 @@ def test_a_mistake_ends_the_run_with_one_line_before_any_job(snakemake, project)
     assert "Traceback" not in done.stdout and not (project / "out").exists()
 
 
+@pytest.mark.parametrize("arguments", [(), ("--configfile", "my.yaml")])
+def test_started_elsewhere_the_workflow_says_where_its_configuration_lies(snakemake, tmp_path, arguments):
+    (tmp_path / "my.yaml").write_text("subjects: [lively]\nresults_dir: out\nposenet: {parts: []}\n")
+    done = snakemake(tmp_path, "--dry-run", "--cores", "1", *arguments)
+    assert done.returncode == 2
+    line = done.stdout.splitlines()[-1]
+    default = f"--configfile {ROOT}/config/config.yaml my.yaml"
+    assert line.startswith("error: ") and line.endswith(default) and "Traceback" not in done.stdout
+    assert f"config/config.yaml was not found in {tmp_path}; start snakemake in {ROOT}" in line
+    done = snakemake(tmp_path, "--dry-run", "--cores", "1", "clips", *default.split())  # which helps
+    assert done.returncode == 0 and jobs(done.stdout)["annotate_demo"] == 20, done.stdout
+
+
 def test_scripts_are_short():
     scripts = list((ROOT / "workflow" / "scripts").glob("*.py"))
     rules = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))

@@ -6,12 +6,18 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 
-from configuration import load_configuration, on_film
+from configuration import check_place, load_configuration, on_film
 from digest import library_code
 from restart import forgive_killed_run
 from video_takes import precomputed_of
 
 from cospeech.gestures.generator import find, named, settings_for
+
+check_place(workflow)
+
+
+configfile: "config/config.yaml"
+
 
 forgive_killed_run(workflow)
 
