@@ -37,7 +37,7 @@ bench: env  ## the benchmarks beside each hot path
 	@set -e; for script in benchmarks/bench_*.py; do echo "== $$script"; python $$script; done
 
 clean:  ## remove caches; results/, .snakemake/ and .venv stay
-	rm -rf .pytest_cache .ruff_cache .hypothesis .benchmarks build dist
+	rm -rf .pytest_cache .ruff_cache .hypothesis build dist
 	find src tests workflow benchmarks tools -name __pycache__ -prune -exec rm -rf {} +
 
 pins:  ## find newer versions of everything and write envs/requirements.txt (needs a network)
