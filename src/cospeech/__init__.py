@@ -1,3 +1,3 @@
 """Recordings of a person talking in, a model of how that person gestures out."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
