@@ -43,6 +43,7 @@ clean:  ## remove caches; results/, .snakemake/ and .venv stay
 pins:  ## find newer versions of everything and write envs/requirements.txt (needs a network)
 	envs/pins.sh $(PYTHON) > requirements.new
 	mv requirements.new envs/requirements.txt
+	@echo "now: make env && python tools/licences.py"
 
 $(VENV)/.installed: envs/requirements.txt pyproject.toml
 	@test -n "$(PYTHON)" || { echo "cospeech needs Python 3.11 or newer; set PYTHON=/path/of/python" >&2; exit 1; }
