@@ -2,12 +2,13 @@
 
 import sys
 import warnings
+from functools import partial
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
+from timing import PROCESSOR, fastest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "capture"))
 from person import make_track
@@ -21,15 +22,7 @@ from cospeech.face.model import embedded
 from cospeech.face.solver import State, predict, smoothed_step, start
 
 SECONDS, RATE = 60.0, 30.0
-
-
-def best(function, times=2):
-    seconds = []
-    for _ in range(times):
-        begin = process_time()
-        function()
-        seconds.append(process_time() - begin)
-    return min(seconds)
+best = partial(fastest, times=2, clock=PROCESSOR)
 
 
 def report(name, own, **others):
@@ -79,7 +72,7 @@ def main():
     own = best(lambda: fill_joints(sight.positions, believed, 16))
     report("gaps of 55 joints", own, joint_by_joint=best(lambda: joint_by_joint(sight.positions, believed)))
     fitting, some = best(lambda: fit_track(track)), 8
-    alone = best(lambda: frame_by_frame(track, some), 1) * len(sight) / some
+    alone = best(lambda: frame_by_frame(track, some), times=1) * len(sight) / some
     report("face fit, 1800 frames", fitting, frame_by_frame=alone)
     rng, n, few = np.random.default_rng(0), 66, 32
     matrix = np.tile(np.eye(n) * 9, (few, 1, 1))

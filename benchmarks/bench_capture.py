@@ -12,21 +12,15 @@ import resource
 import subprocess
 import sys
 import tempfile
-import time
 from importlib.resources import as_file, files
 from pathlib import Path
 
 import cv2
+from timing import fastest, timed
 
 from cospeech.capture.film.decoding import open_film
 from cospeech.capture.trackers.mediapipe import MediapipeTracker
 from cospeech.capture.trackers.registry import run_trackers
-
-
-def timed(work):
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
 
 
 def plain_loop(path, size):
@@ -49,19 +43,19 @@ def mediapipe_alone(film, environment):
                 file.write(b"\0" + picture.rgb.tobytes())
         command = [Path(environment) / "bin/python", "-I", program, width, height, Path(folder) / "records"]
         with open(raw, "rb") as file:
-            return timed(lambda: subprocess.run(command, stdin=file, stderr=subprocess.DEVNULL, check=True))
+            return timed(lambda: subprocess.run(command, stdin=file, stderr=subprocess.DEVNULL, check=True))[0]
 
 
 def speed(path, environment=None):
     film = open_film(path)
     for _ in film.pictures():
         break
-    ours = min(timed(lambda: sum(1 for _ in film.pictures())) for _ in range(3))
-    plain = min(timed(lambda: plain_loop(path, film.size())) for _ in range(3))
+    ours = fastest(lambda: sum(1 for _ in film.pictures()), 3)
+    plain = fastest(lambda: plain_loop(path, film.size()), 3)
     print(f"decoding: {film.frames / ours:.0f} frames/s; OpenCV in a loop takes {plain / ours:.2f} times as long")
     if environment:
         alone = min(mediapipe_alone(film, environment) for _ in range(2))
-        whole = min(timed(lambda: run_trackers(film, MediapipeTracker(environment))) for _ in range(2))
+        whole = fastest(lambda: run_trackers(film, MediapipeTracker(environment)), 2)
         print(f"mediapipe: {film.frames / whole:.1f} frames/s, {whole / alone:.2f} times MediaPipe alone")
 
 

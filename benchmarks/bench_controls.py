@@ -9,11 +9,11 @@ Random but clustered data. Every line is measured in this one run; the ratios ar
 
 import argparse
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 from bench_matching import clustered, random_database
+from timing import timed
 
 from cospeech.clip import Clip
 from cospeech.demo import read_take, write_take
@@ -23,12 +23,6 @@ from cospeech.matching.search.seams import SEAMS, borders
 
 CONTROLS = ["left_wrist_height=high@2-20", "left_wrist_speed=fast or symmetry=<0.1@15-40", "strict reach=low@45-"]
 WRISTS = [7, 4]
-
-
-def timed(run):
-    begin = time.perf_counter()
-    result = run()
-    return time.perf_counter() - begin, result
 
 
 def window_masks(knn, windows):

@@ -3,42 +3,24 @@
 Usage: python benchmarks/bench_demo.py [seconds]
 """
 
-import os
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
+from timing import all_processes, fastest, timed
 
 from cospeech.demo import read_take, write_take
 from cospeech.demo.body import pose_body
 from cospeech.demo.motion import interpolate
 
 
-def timed(action, repeats=3):
-    """Best wall time of `action()` in seconds."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return min(times)
-
-
-def cpu_time(action):
-    """Seconds of processor time of `action()`, the synthesizer's process included."""
-    before = os.times()
-    action()
-    return sum(os.times()[:4]) - sum(before[:4])
-
-
 def whole_take(seconds):
     with tempfile.TemporaryDirectory() as folder:
         wav, truth = Path(folder) / "take.wav", Path(folder) / "take.h5"
         write_take("lively", 0, seconds=6.0, seed=0, wav=wav, truth=truth)  # imports and compiled kernels
-        write = cpu_time(lambda: write_take("lively", 0, seconds=seconds, seed=0, wav=wav, truth=truth))
-        read = cpu_time(lambda: read_take(truth, wav, subject="lively", clip="take"))
+        write = timed(lambda: write_take("lively", 0, seconds=seconds, seed=0, wav=wav, truth=truth), all_processes)[0]
+        read = timed(lambda: read_take(truth, wav, subject="lively", clip="take"), all_processes)[0]
     print(f"write_take {seconds:g} s: {write:.2f} s of processor time, {seconds / write:.0f} times real time")
     print(f"read_take  {seconds:g} s: {read:.2f} s of processor time, {seconds / read:.0f} times real time")
 
@@ -47,8 +29,8 @@ def key_interpolation(frames=3600, fps=60.0):
     rng = np.random.default_rng(0)
     times, values = np.arange(0, frames / fps + 1, 0.3), rng.normal(size=(int(frames / fps / 0.3) + 4, 15))
     values, via, at = values[: len(times)], np.zeros(len(times), bool), np.arange(frames) / fps
-    fast = timed(lambda: interpolate(times, values, via, at))
-    slow = timed(lambda: [interpolate(times, values, via, t[None]) for t in at], 1)
+    fast = fastest(lambda: interpolate(times, values, via, at), 3)
+    slow = fastest(lambda: [interpolate(times, values, via, t[None]) for t in at], 1)
     print(f"minimum-jerk course, 60 s: {1e3 * fast:.1f} ms at once, {slow / fast:.0f} times faster than frame by frame")
 
 
@@ -56,10 +38,10 @@ def body(frames=3600):
     rng = np.random.default_rng(0)
     arms = {side: rng.normal([0, -0.5, 0.6, *[0] * 12], 0.05, (frames, 15)) for side in ("right", "left")}
     torso, head, shrug = rng.normal(0, 3, (frames, 3)), rng.normal(0, 5, (frames, 3)), np.zeros((frames, 2))
-    fast = timed(lambda: pose_body(arms, torso, head, shrug, 1.0))
+    fast = fastest(lambda: pose_body(arms, torso, head, shrug, 1.0), 3)
     part = slice(0, 200)
     pick = lambda i: ({s: a[i : i + 1] for s, a in arms.items()}, torso[i : i + 1], head[i : i + 1], shrug[i : i + 1])  # noqa: E731
-    slow = timed(lambda: [pose_body(*pick(i), 1.0) for i in range(part.stop)], 1) * frames / part.stop
+    slow = fastest(lambda: [pose_body(*pick(i), 1.0) for i in range(part.stop)], 1) * frames / part.stop
     print(f"body kinematics, 60 s: {1e3 * fast:.0f} ms at once, {slow / fast:.0f} times faster than frame by frame")
 
 

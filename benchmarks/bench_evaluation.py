@@ -3,23 +3,12 @@
 python benchmarks/bench_evaluation.py
 """
 
-import time
-
 import numpy as np
 from scipy.linalg import sqrtm
+from timing import fastest
 
 from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.skeleton import UPPER55
-
-
-def seconds(function, repeat=5):
-    """The fastest of `repeat` calls."""
-    best = float("inf")
-    for _ in range(repeat):
-        began = time.perf_counter()
-        function()
-        best = min(best, time.perf_counter() - began)
-    return best
 
 
 def frechet_by_matrix_root(a, b):
@@ -52,7 +41,7 @@ def main():
         ("beat consistency, 10 min (loops)", metrics.onset_coverage, coverage_by_loops, (beats, onsets)),
     ]
     for name, ours, obvious, arguments in cases:
-        mine, other = seconds(lambda f=ours, x=arguments: f(*x)), seconds(lambda f=obvious, x=arguments: f(*x), 2)
+        mine, other = fastest(lambda f=ours, x=arguments: f(*x)), fastest(lambda f=obvious, x=arguments: f(*x), 2)
         print(f"{name:40s} {1e3 * mine:9.2f} ms   {other / mine:8.1f} times the speed of the obvious way")
 
 

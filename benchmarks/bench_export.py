@@ -4,12 +4,12 @@ Run: python benchmarks/bench_export.py
 """
 
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
+from timing import fastest, timed
 
 from cospeech.clip import Clip
 from cospeech.formats.animation import Animation
@@ -54,21 +54,11 @@ def loop_over_frames_and_joints(targets, offsets):
             (world[parent].inv() * world[joint]).as_quat()
 
 
-def seconds(function, *arguments, repeats=5):
-    """Shortest wall time of `repeats` calls."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        function(*arguments)
-        times.append(time.perf_counter() - start)
-    return min(times)
-
-
 def main():
     clip, animation = random_clip()
-    solved = seconds(animation_from_clip, clip)
+    solved = fastest(lambda: animation_from_clip(clip))
     targets = clip.positions[:LOOP_FRAMES, SOURCES]
-    looped = seconds(loop_over_frames_and_joints, targets, animation.offsets, repeats=1) * FRAMES / LOOP_FRAMES
+    looped = timed(lambda: loop_over_frames_and_joints(targets, animation.offsets))[0] * FRAMES / LOOP_FRAMES
     print(f"positions to rotations, {FRAMES} frames: {solved * 1e3:.0f} ms; loop {looped * 1e3:.0f} ms")
     print(f"  the loop takes {looped / solved:.0f} times as long")
     animation = animation_from_clip(clip)
@@ -79,7 +69,8 @@ def main():
             ("csv", write_csv, clip),
         ):
             path = Path(folder) / f"a.{name}"
-            print(f"{name}: {seconds(write, path, what) * 1e3:.0f} ms, {path.stat().st_size / 1e6:.2f} MB")
+            took = fastest(lambda to=path, write=write, what=what: write(to, what))
+            print(f"{name}: {took * 1e3:.0f} ms, {path.stat().st_size / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":

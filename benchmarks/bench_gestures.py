@@ -9,12 +9,12 @@ they have learnt. Every line is measured in this one run.
 import argparse
 import resource
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 import torch
 import yaml
+from timing import timed
 
 from cospeech.clip import Clip
 from cospeech.gestures.chapter4.models import gesture_task
@@ -56,12 +56,6 @@ def frame_loop(module, features, noise):
     return np.array(found)
 
 
-def seconds_of(run, *arguments):
-    begin = time.perf_counter()
-    run(*arguments)
-    return time.perf_counter() - begin
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=60.0)
@@ -76,12 +70,12 @@ def main():
             if model == "moglow":
                 features = speech(arguments.seconds)
                 noise = rng.normal(size=(len(features), 168)).astype(np.float32)
-                scan = seconds_of(generator.generate, features)
-                loop = seconds_of(frame_loop, module, features, noise)
+                scan = timed(lambda g=generator, x=features: g.generate(x))[0]
+                loop = timed(lambda m=module, x=features, z=noise: frame_loop(m, x, z))[0]
                 about = f"moglow, {arguments.seconds:.0f} s"
                 print(f"{about}: scan {scan:.2f} s, frame by frame {loop:.2f} s, ratio {loop / scan:.1f}")
             features = speech(arguments.hour)
-            took = seconds_of(generator.generate, features)
+            took = timed(lambda g=generator, x=features: g.generate(x))[0]
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
             print(f"{model}, {arguments.hour:.0f} s: {took:.1f} s, {peak:.2f} GB at most so far", flush=True)
 

@@ -9,10 +9,11 @@ the ratios little.
 
 import argparse
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 
 import torch
+from timing import PROCESSOR, fastest, timed
 
 from cospeech.gestures.ha2g import losses
 from cospeech.gestures.ha2g.dataset.corpus import FRAMES, SEED_FRAMES
@@ -24,6 +25,7 @@ from cospeech.gestures.ha2g.networks.style import LOOKS, FrameStyle
 from cospeech.learning.weights import OnnxNetwork, export_onnx
 
 STYLE = 18
+processor_seconds = partial(fastest, clock=PROCESSOR, warm=True)
 
 
 def size(network):
@@ -41,17 +43,6 @@ def equal_holistic(table, cascade, conditions, layers):
     holistic = Cascade([table.channels(len(table.levels) - 1)], conditions, layers=1, width=0.02)
     holistic.levels[0] = of(high)
     return holistic
-
-
-def processor_seconds(run, times=5):
-    """The least of some runs' processor time."""
-    run()
-    took = []
-    for _ in range(times):
-        began = time.process_time()
-        run()
-        took.append(time.process_time() - began)
-    return min(took)
 
 
 class Speaking(torch.nn.Module):
@@ -75,14 +66,16 @@ def speech(network, mel, seed, style, threads):
     """Seconds on the clock for 30 windows, each begun with the last poses of the one before, and the export's."""
     with tempfile.TemporaryDirectory() as folder:
         path, example = Path(folder, "model.onnx"), {"mel": mel[:1], "seed": seed[:1], "style": style[:1]}
-        began = time.perf_counter()
-        export_onnx(network, path, example, ["poses"], {"multiple": 1}, sequences=False)
-        exported = time.perf_counter() - began
+        settings = {"multiple": 1}
+        exported, _ = timed(lambda: export_onnx(network, path, example, ["poses"], settings, sequences=False))
         onnx = OnnxNetwork(path, threads)
-        began, before = time.perf_counter(), seed[:1].numpy()
-        for _ in range(30):
-            before = onnx(mel=mel[:1].numpy(), seed=before, style=style[:1].numpy())[0][:, -SEED_FRAMES:]
-        return time.perf_counter() - began, exported
+
+        def speak():
+            before = seed[:1].numpy()
+            for _ in range(30):
+                before = onnx(mel=mel[:1].numpy(), seed=before, style=style[:1].numpy())[0][:, -SEED_FRAMES:]
+
+        return timed(speak)[0], exported
 
 
 def looking(width, batch, side=64, speakers=2):

@@ -7,11 +7,12 @@ Processor seconds count, so that a busy machine changes the ratios little.
 
 import argparse
 import tempfile
-import time
 import warnings
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from timing import PROCESSOR, fastest
 
 from cospeech.clip import Clip, Words
 from cospeech.gestures.ha2g.dataset.collect import Take, collect
@@ -22,16 +23,7 @@ from cospeech.speech.mel import log_mel, log_mel_s2g
 
 ANYTHING = Filters(words=0, difference=0.0, spine_most=360.0, spine_mean=360.0, wrist=0.0)
 BATCH = 32
-
-
-def seconds(work, times=5):
-    """The best processor time of some runs."""
-    best = float("inf")
-    for _ in range(times):
-        start = time.process_time()
-        work()
-        best = min(best, time.process_time() - start)
-    return best
+seconds = partial(fastest, clock=PROCESSOR)
 
 
 def take_of(minutes, rng):
@@ -54,7 +46,7 @@ def batches(minutes, rng):
             log_mel(wave)
             log_mel_s2g(wave)
 
-    made = seconds(one_by_one, 2)
+    made = seconds(one_by_one, times=2)
     print(
         f"spectrograms of {BATCH} windows: cut {1000 * cut:.1f} ms, made {1000 * made:.0f} ms, {made / cut:.0f} times"
     )
@@ -67,7 +59,9 @@ def word_vectors(count, rng):
         lines = [f"word{i} " + " ".join(f"{x:.4f}" for x in rng.normal(size=300)) for i in range(count)]
         file.write_text("\n".join([f"{count} 300", *lines]))
         wanted, every = {f"word{i}" for i in range(0, count, count // 500)}, {f"word{i}" for i in range(count)}
-        some, all_of_it = (seconds(lambda words=words: read_embeddings(file, words), 2) for words in (wanted, every))
+        some, all_of_it = (
+            seconds(lambda words=words: read_embeddings(file, words), times=2) for words in (wanted, every)
+        )
     print(f"500 of {count} word vectors: {some:.2f} s, all parsed {all_of_it:.2f} s, x {all_of_it / some:.0f}")
 
 

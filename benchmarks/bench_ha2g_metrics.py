@@ -3,11 +3,10 @@
 python benchmarks/bench_ha2g_metrics.py
 """
 
-import time
-
 import numpy as np
 import torch
 from sklearn.cross_decomposition import CCA
+from timing import fastest
 
 from cospeech.evaluation.metrics import beats, genea
 from cospeech.evaluation.metrics.expressive import Ruler, _network
@@ -15,16 +14,6 @@ from cospeech.evaluation.metrics.gesture_metrics import onset_coverage
 from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
 
 TABLE = level_table("expressive43")
-
-
-def seconds(function, repeat=3):
-    """The fastest of `repeat` calls."""
-    best = float("inf")
-    for _ in range(repeat):
-        began = time.perf_counter()
-        function()
-        best = min(best, time.perf_counter() - began)
-    return best
 
 
 def angles_by_loops(vectors):
@@ -72,10 +61,10 @@ def main():
     assert np.allclose(ruler.latents(single), latents_one_by_one(ruler, single), atol=1e-4)
     assert np.isclose(onset_coverage(found, onsets), coverage_by_loops(found, onsets))
     for name, (ours, obvious) in cases.items():
-        own = seconds(ours)
-        print(f"{name:32} {own * 1000:8.2f} ms   the obvious way takes {seconds(obvious, 2) / own:6.1f} x")
+        own = fastest(ours, 3)
+        print(f"{name:32} {own * 1000:8.2f} ms   the obvious way takes {fastest(obvious, 2) / own:6.1f} x")
     changes = [beats.angle_changes(vectors, TABLE)] * 6
-    whole = seconds(lambda: beats.beat_consistency(changes, [onsets] * 6, changes[0].mean(axis=0), threshold=0.06))
+    whole = fastest(lambda: beats.beat_consistency(changes, [onsets] * 6, changes[0].mean(axis=0), threshold=0.06), 3)
     print(f"{'BC of six minutes, with chance':32} {whole * 1000:8.2f} ms")
 
 

@@ -10,10 +10,10 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
+from timing import fastest
 
 from cospeech.clip import Words
 from cospeech.matching import Database, Matcher
@@ -114,17 +114,6 @@ def torch_batch(database, squares, poses, sounds, chunk=64):
     return total.argmin(dim=1)
 
 
-def best_of(count, function):
-    """Smallest wall time in seconds after one call to warm up."""
-    times = []
-    function()
-    for _ in range(count):
-        begin = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begin)
-    return min(times)
-
-
 def read_pass(rows):
     """A function that reads all of an array once, with all threads: the sum."""
     from numba import njit, prange
@@ -163,19 +152,19 @@ def live(table, database, matcher, queries):
     speeches, poses, sounds, squares = queries
     steps = 20
     long = np.tile(speeches[0], (steps, 1))
-    ours = best_of(7, lambda: matcher.search(long)) / steps
-    read = best_of(7, read_pass(database.pose))
-    literal = best_of(1, lambda: literal_step(database, poses[0], sounds[0], LITERAL_CLIPS)) / LITERAL_CLIPS
+    ours = fastest(lambda: matcher.search(long), 7, warm=True) / steps
+    read = fastest(read_pass(database.pose), 7, warm=True)
+    literal = fastest(lambda: literal_step(database, poses[0], sounds[0], LITERAL_CLIPS), 1, warm=True) / LITERAL_CLIPS
     table.section(f"one live query, {len(database)} clips of 64 frames (per 8-frame step)")
     table.line("Matcher.search", ours, asked="at most 10 ms")
     table.line(
         "one float32 pass over the pose features, all threads", read, times(read, ours), "ours at most 1.3 of it"
     )
-    seconds = best_of(5, database.pose.sum)
+    seconds = fastest(database.pose.sum, 5, warm=True)
     table.line("the same by numpy's sum, one thread", seconds, times(seconds, ours))
     seconds = literal * len(database)
     table.line("literal loop, scaled", seconds, times(seconds, ours), "at least 100 x")
-    seconds = best_of(5, lambda: numpy_step(database, squares, poses[0], sounds[0]))
+    seconds = fastest(lambda: numpy_step(database, squares, poses[0], sounds[0]), 5, warm=True)
     table.line("plain numpy", seconds, times(seconds, ours))
 
 
@@ -184,11 +173,11 @@ def batch(table, database, matcher, queries, sizes):
     speeches, poses, sounds, squares = queries
     run = lambda n: matcher.search_batch(list(speeches[:n]), initial=poses[:n].astype(float))  # noqa: E731
     table.section(f"many queries at once, {len(database)} clips (per query)")
-    seconds = [best_of(3 if n < 4096 else 1, lambda n=n: run(n)) / n for n in sizes]
+    seconds = [fastest(lambda n=n: run(n), 3 if n < 4096 else 1, warm=True) / n for n in sizes]
     for n, each in zip(sizes, seconds, strict=True):
         table.line(f"Matcher.search_batch of {n}", each, asked="at most 1.1 ms")
     plain = lambda: torch_batch(database, squares, poses[: sizes[0]], sounds[: sizes[0]])  # noqa: E731
-    theirs = best_of(2, plain) / sizes[0]
+    theirs = fastest(plain, 2, warm=True) / sizes[0]
     table.line(f"plain torch, {sizes[0]}", theirs, times(theirs, seconds[0]), "at least 2 x")
     same = np.mean(np.array([int(m.clip[0]) for m in run(sizes[0])]) == plain().numpy())
     table.note("same clip as float32 torch (decides no near-ties)", f"{same:.1%}")
@@ -203,9 +192,9 @@ def scaling(table, sizes):
         database = random_database(clips)
         matcher, queries = Matcher(database, compiled=True), random_queries(database, 512)
         long = np.tile(queries[0][0], (20, 1))
-        one = best_of(5, lambda m=matcher, x=long: m.search(x)) / 20
+        one = fastest(lambda m=matcher, x=long: m.search(x), 5, warm=True) / 20
         run = lambda m=matcher, q=queries: m.search_batch(list(q[0]), initial=q[1].astype(float))  # noqa: E731
-        many = best_of(2, run) / 512
+        many = fastest(run, 2, warm=True) / 512
         table.line(f"{clips} clips, live", one / clips * 1000)
         table.line(f"{clips} clips, in a batch of 512", many / clips * 1000)
 

@@ -1,27 +1,20 @@
 """Motion capture in, each hot path against the obvious alternative in one run: `python benchmarks/bench_mocap.py`."""
 
 import tempfile
+from functools import partial
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 import pybvh
 from scipy.spatial.transform import Rotation, Slerp
+from timing import PROCESSOR, fastest
 
 from cospeech.formats.animation import Animation
 from cospeech.formats.bvh import read_bvh, write_bvh
 from cospeech.rotation import from_euler, resample_rotations
 
 FRAMES, JOINTS, RATE = 7200, 75, 120.0  # one minute at 120 fps
-
-
-def best(function, times=3):
-    seconds = []
-    for _ in range(times):
-        start = process_time()
-        function()
-        seconds.append(process_time() - start)
-    return min(seconds)
+best = partial(fastest, times=3, clock=PROCESSOR)
 
 
 def report(name, own, **others):
@@ -51,11 +44,12 @@ def main():
         path, other = str(Path(folder) / "a.bvh"), str(Path(folder) / "b.bvh")
         report("write_bvh", best(lambda: write_bvh(path, moving)), savetxt=best(lambda: savetxt(other, moving)))
         report("read_bvh", best(lambda: read_bvh(path)), pybvh=best(lambda: pybvh.read_bvh_file(path).to_quat()))
-    scipy = best(lambda: Rotation.from_euler("ZYX", degrees, degrees=True).as_quat(), 1)
+    scipy = best(lambda: Rotation.from_euler("ZYX", degrees, degrees=True).as_quat(), times=1)
     report("from_euler", best(lambda: from_euler("ZYX", degrees)), scipy=scipy)
     frames = FRAMES // 8
     own = best(lambda: resample_rotations(moving.rotations, RATE, 15, frames))
-    report("resample_rotations 120 -> 15 fps", own, slerp=best(lambda: slerped(moving.rotations, RATE, 15, frames), 1))
+    slerp = best(lambda: slerped(moving.rotations, RATE, 15, frames), times=1)
+    report("resample_rotations 120 -> 15 fps", own, slerp=slerp)
 
 
 def savetxt(path, moving):

@@ -11,6 +11,7 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+from timing import PROCESSOR, timed
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
@@ -61,11 +62,8 @@ def main():
     panels = [(clip.generator or "clip", clip) for clip in clips]
     seconds = max(clip.duration for clip in clips)
     sound = np.random.default_rng(0).normal(0, 0.1, round(seconds * 16000)).astype(np.float32), 16000
-    began = time.process_time()
-    page = player_html(panels, sound).encode()
-    print(
-        f"{len(clips)} clips of {seconds:.0f} s: {time.process_time() - began:.1f} s of processor time to make the page"
-    )
+    made, page = timed(lambda: player_html(panels, sound).encode(), PROCESSOR)
+    print(f"{len(clips)} clips of {seconds:.0f} s: {made:.1f} s of processor time to make the page")
     size = len(page) / 1e6
     print(f"page                         {size:6.2f} MB with its sound")
     packed = len(zlib.compress(np.concatenate([c.positions.ravel() for c in clips]).tobytes(), 9)) / 1e6 * 4 / 3

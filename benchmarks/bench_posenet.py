@@ -4,13 +4,13 @@ python benchmarks/bench_posenet.py
 """
 
 import tempfile
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
+from timing import fastest, timed
 from torch import nn
 
 from cospeech.learning.training import autocast
@@ -22,16 +22,6 @@ from cospeech.posenet.network import Design, PoseNet, heatmap_targets, level
 from cospeech.posenet.onnx_export import INPUT, OUTPUTS, Exported
 from cospeech.posenet.training.loader import Mixture
 from cospeech.posenet.training.stages import PoseTask, Settings
-
-
-def seconds(function, repeat=5):
-    """The fastest of `repeat` calls."""
-    best = float("inf")
-    for _ in range(repeat):
-        began = time.perf_counter()
-        function()
-        best = min(best, time.perf_counter() - began)
-    return best
 
 
 def procrustes_by_poses(pred, truth):
@@ -98,7 +88,7 @@ def main():
         ("network, 4 crops (bare ResNet-50)", lambda: infer(network, images), lambda: infer(classifier, images)),
     ]  # fmt: skip
     for name, ours, obvious in cases:
-        mine, other = seconds(ours), seconds(obvious, 3)
+        mine, other = fastest(ours), fastest(obvious, 3)
         print(f"{name:40s} {1e3 * mine:9.2f} ms   {other / mine:8.2f} times the speed of the alternative")
     through_onnxruntime(network, classifier)
     training_step()
@@ -118,7 +108,7 @@ def through_onnxruntime(network, classifier, threads=2):
         best = [float("inf")] * 2
         for _ in range(30):
             for i, session in enumerate(sessions):
-                best[i] = min(best[i], seconds(lambda run=session: run(images=crops.numpy()), 1))
+                best[i] = min(best[i], fastest(lambda run=session: run(images=crops.numpy()), 1))
     print(f"onnxruntime, {threads} threads, a crop of 256 x 256: network {1e3 * best[0]:.1f} ms, bare ResNet-50 "
           f"{1e3 * best[1]:.1f} ms, ratio {best[0] / best[1]:.2f}")  # fmt: skip
 
@@ -132,13 +122,10 @@ def training_step(steps=40):
         task = PoseTask(Mixture([f"{folder}/people.h5"]), settings, 0)
         for step in range(5):
             task.iterate(step, None)
-        began, waited = time.perf_counter(), task.loader.waited
-        for step in range(5, steps):
-            task.iterate(step, None)
-        took, waited = time.perf_counter() - began, task.loader.waited - waited
-        began = time.perf_counter()
-        task.draw(0)
-        drawn = time.perf_counter() - began
+        before = task.loader.waited
+        took, _ = timed(lambda: [task.iterate(step, None) for step in range(5, steps)])
+        waited = task.loader.waited - before
+        drawn, _ = timed(lambda: task.draw(0))
         task.loader.close()
     print(f"training step, 32 people of 64 x 64: {1e3 * took / (steps - 5):.1f} ms, waiting for data "
           f"{100 * waited / took:.1f} %; making a mini-batch takes {1e3 * drawn:.1f} ms in its thread")  # fmt: skip
@@ -164,7 +151,7 @@ def widths(rounds=5, batch=64):
         steps[width] = step
     for _ in range(rounds):
         for width, step in steps.items():
-            best[width] = min(best.get(width, 1e9), seconds(step, 3))
+            best[width] = min(best.get(width, 1e9), fastest(step, 3))
     print(
         "training, 64 x 64, 2 threads, images/s by width: "
         + ", ".join(
@@ -184,8 +171,8 @@ def on_a_gpu(network):
                 infer(network, images)
             torch.cuda.synchronize()
 
-        seconds(run, 3)
-        print(f"GPU, mixed precision, batch {batch:3d}: {batch / seconds(run, 10):9.0f} images/s")
+        fastest(run, 3)
+        print(f"GPU, mixed precision, batch {batch:3d}: {batch / fastest(run, 10):9.0f} images/s")
 
 
 if __name__ == "__main__":

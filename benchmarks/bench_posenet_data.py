@@ -4,13 +4,13 @@ python benchmarks/bench_posenet_data.py
 """
 
 import tempfile
-import time
 from pathlib import Path
 
 import cv2
 import h5py
 import numpy as np
 import torch
+from timing import fastest
 
 from cospeech.posenet.camera import camera_matrix, person_crop
 from cospeech.posenet.network import PoseNet
@@ -20,16 +20,6 @@ from cospeech.posenet.training import pose_losses as losses
 from cospeech.posenet.training.augment import augment
 
 COUNT, SIDE, SIZE, BATCH = 256, 384, 256, 10
-
-
-def seconds(function, repeat=5):
-    """The fastest of `repeat` calls."""
-    best = float("inf")
-    for _ in range(repeat):
-        began = time.perf_counter()
-        function()
-        best = min(best, time.perf_counter() - began)
-    return best
 
 
 def picture(rng, side):
@@ -95,25 +85,25 @@ def main():
         frame = picture(rng, 2048)
         cv2.imwrite(str(folder / "frame.jpg"), frame)
         index = rng.permutation(COUNT)[:BATCH]
-        load = seconds(lambda: store[index])
+        load = fastest(lambda: store[index])
         with h5py.File(folder / "raw.h5") as file:
-            raw = seconds(lambda: [file["images"][i] for i in index])
+            raw = fastest(lambda: [file["images"][i] for i in index])
         report(f"{BATCH} crops of {SIDE} (decode and crop full frames)", load,
-               seconds(lambda: from_full_frames(folder / "frame.jpg", [frame], rng), 2))  # fmt: skip
+               fastest(lambda: from_full_frames(folder / "frame.jpg", [frame], rng), 2))  # fmt: skip
         report(f"{BATCH} crops of {SIDE} (raw pixels, in the page cache)", load, raw)
         bytes_ = [(folder / name).stat().st_size / COUNT / 1e3 for name in ("store.h5", "raw.h5")]
         print(f"{'kB a crop, and raw':56s} {bytes_[0]:9.1f} kB   {bytes_[1]:8.1f} kB")
     batch = made[:BATCH]
-    move = seconds(lambda: augment(batch, rng, SIZE, margin=1.5))
+    move = fastest(lambda: augment(batch, rng, SIZE, margin=1.5))
     report(
         f"augmentation of {BATCH} crops to {SIZE} (torch grid_sample)",
         move,
-        seconds(lambda: augment_by_torch(batch, rng)),
+        fastest(lambda: augment_by_torch(batch, rng)),
     )
     network = PoseNet()
     optimizer = torch.optim.Adadelta(network.parameters(), 0.05, rho=0.9)
     small = augment(batch, rng, SIZE, margin=1.5)
-    step = seconds(lambda: training_step(network, optimizer, small), 2)
+    step = fastest(lambda: training_step(network, optimizer, small), 2)
     share = (load + move) / step
     print(f"{'training step of the full network, batch 10':56s} {1e3 * step:9.2f} ms   data is {share:.2%} of it")
 

@@ -3,11 +3,12 @@
 python benchmarks/bench_posenet_people.py
 """
 
-import time
+from functools import partial
 
 import cv2
 import matplotlib
 import numpy as np
+from timing import PROCESSOR, fastest
 
 from cospeech.people import Canvas, draw_appearance, make_people, person_solids
 from cospeech.people.batches import draw_people
@@ -16,16 +17,7 @@ from cospeech.people.painting.painter import LIGHT
 from cospeech.skeleton import UPPER55
 
 SIZE = 128
-
-
-def seconds(function, repeat=5):
-    """Of one core (CPU time, so that other work on the machine does not count): the fastest of `repeat` calls."""
-    best = float("inf")
-    for _ in range(repeat):
-        began = time.process_time()
-        function()
-        best = min(best, time.process_time() - began)
-    return best
+seconds = partial(fastest, clock=PROCESSOR)  # of one core, so that other work on the machine does not count
 
 
 def trace(rows, camera):
@@ -95,26 +87,26 @@ def main():
         rates = []
         for domain in ("studio", "wild"):
             list(make_people(64, domain=domain, part=part, size=SIZE))  # the first call compiles
-            taken = seconds(lambda d=domain, p=part: list(make_people(256, domain=d, part=p, size=SIZE)), 3)
+            taken = seconds(lambda d=domain, p=part: list(make_people(256, domain=d, part=p, size=SIZE)), times=3)
             rates.append(256 / taken)
         print(f"{part:5s} {SIZE} px: {rates[0]:5.0f} pictures a second in the studio, {rates[1]:5.0f} in the wild")
     people = draw_people(0, "studio", "body", SIZE, 1.0, 0)
     some = range(16)
     ours = seconds(lambda: [trace(people.rows[i], people.camera[i]) for i in some]) / 16
-    numpy = seconds(lambda: [numpy_depth_buffer(people.rows[i], people.camera[i]) for i in some], 2) / 16
+    numpy = seconds(lambda: [numpy_depth_buffer(people.rows[i], people.camera[i]) for i in some], times=2) / 16
     matplotlib.use("agg")
     from matplotlib import pyplot
 
     figure = pyplot.figure(figsize=(1.28, 1.28), dpi=100)
     figure.add_subplot()
-    lines = seconds(lambda: [matplotlib_limbs(figure, people.figure.joints[i]) for i in range(4)], 2) / 4
+    lines = seconds(lambda: [matplotlib_limbs(figure, people.figure.joints[i]) for i in range(4)], times=2) / 4
     print(f"painting a person of {people.rows.shape[1]} solids: {1000 * ours:.2f} ms")
     print(f"    depth buffer in numpy, cones alone {1000 * numpy:.1f} ms: {numpy / ours:.0f} times as long")
     print(f"    bones as lines in matplotlib {1000 * lines:.1f} ms: {lines / ours:.0f} times as long")
     camera = np.array([[900.0, 0, 320], [0, 900.0, 240], [0, 0, 1]])
     joints = np.repeat(people.figure.joints[:1], 16, axis=0)
     joints = joints - joints[:, UPPER55.joints("neck")] + [0, 0, 2.2]
-    taken = seconds(lambda: film(joints, draw_appearance("speaker"), camera, (640, 480)), 3) / 16
+    taken = seconds(lambda: film(joints, draw_appearance("speaker"), camera, (640, 480)), times=3) / 16
     print(f"a frame of film, 640 x 480: {1000 * taken:.1f} ms")
 
 

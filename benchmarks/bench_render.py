@@ -4,11 +4,11 @@ python benchmarks/bench_render.py
 """
 
 import tempfile
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
+from timing import PROCESSOR, fastest
 
 from cospeech.clip import Clip
 from cospeech.face.expressions import COSPEECH64
@@ -40,13 +40,7 @@ def moving(frames):
 
 def best(function, times=30):
     """Shortest milliseconds of processor time of several runs: what else runs on the machine only adds."""
-    function()
-    took = []
-    for _ in range(times):
-        began = time.process_time()
-        function()
-        took.append(time.process_time() - began)
-    return min(took) * 1000
+    return 1000 * fastest(function, times, PROCESSOR, warm=True)
 
 
 def opencv(camera, points, bright, figure):

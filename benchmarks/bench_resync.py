@@ -7,11 +7,11 @@ On takes of a demo speaker. Every line is measured in this one run; the ratios a
 
 import argparse
 import tempfile
-import time
 import warnings
 from pathlib import Path
 
 import numpy as np
+from timing import timed
 
 from cospeech.demo import read_take, write_take
 from cospeech.matching import Database, Matcher
@@ -30,10 +30,7 @@ def takes(count, seconds):
 
 
 def seconds_each(run, times=20):
-    begin = time.perf_counter()
-    for i in range(times):
-        run(i)
-    return (time.perf_counter() - begin) / times
+    return timed(lambda: [run(i) for i in range(times)])[0] / times
 
 
 def main():
@@ -56,9 +53,8 @@ def main():
     print(f"a batch of 100: {asked * 1e3:.1f} ms on demand, {copied * 1e3:.1f} ms from arrays")
 
     similarity, _ = train_similarity(database, Settings(steps=50))
-    begin = time.perf_counter()
-    learned = similarity.applied(database)
-    print(f"embedding the database, once: {(time.perf_counter() - begin) * 1e3:.0f} ms for {len(database)} clips")
+    took, learned = timed(lambda: similarity.applied(database))
+    print(f"embedding the database, once: {took * 1e3:.0f} ms for {len(database)} clips")
     speech = clips[0].features
     for name, searched in (("plain", Matcher(database)), ("learned", Matcher(learned))):
         found = seconds_each(lambda i, matcher=searched: matcher.search(speech, seed=i), 5)

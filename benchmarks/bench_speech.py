@@ -6,25 +6,17 @@ is faster). Best of three, CPU time of this process.
 
 import sys
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 
 import librosa
 import numpy as np
+from timing import PROCESSOR, fastest
 
 from cospeech.speech import audio_duration, integrated_loudness, load_audio, speech_features, speech_onsets, write_wav
 from cospeech.speech.mfcc import cepstra, mfcc, windows
 
-
-def best(function):
-    """Seconds of CPU time, the best of three after one call to warm up."""
-    function()
-    times = []
-    for _ in range(3):
-        start = time.process_time()
-        function()
-        times.append(time.process_time() - start)
-    return min(times)
+best = partial(fastest, times=3, clock=PROCESSOR, warm=True)
 
 
 def one_by_one(samples, starts):

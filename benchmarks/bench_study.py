@@ -3,16 +3,15 @@
 python benchmarks/bench_study.py      (six methods on two tracks of 12 s, synthetic)
 """
 
-import contextlib
 import sys
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import soundfile
 from scipy import optimize
+from timing import timed
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
@@ -53,41 +52,29 @@ def one_by_one(duels, resamples):
         optimize.minimize(lambda s, w=wins: (w * np.log1p(np.exp(s[None] - s[:, None]))).sum(), np.zeros(len(wins)))
 
 
-@contextlib.contextmanager
-def timed(times, name):
-    start = time.perf_counter()
-    yield
-    times[name] = time.perf_counter() - start
-
-
 def megabytes(folder):
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e6
 
 
 def main():
-    times = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         stimuli = prepared(folder)
         build_study(folder / "warm", stimuli[:4], Design(tracks=2))  # compiles
         render_video(folder / "warm.mp4", [("", cut(stimuli[0])[0].section(0, 5))])
-        with timed(times, "study"):
-            build_study(folder / "study", stimuli, Design(tracks=2))
-        with timed(times, "films"):
-            films(folder / "films", stimuli)
+        study, _ = timed(lambda: build_study(folder / "study", stimuli, Design(tracks=2)))
+        filmed, _ = timed(lambda: films(folder / "films", stimuli))
         sizes = [megabytes(folder / part) for part in ("study", "films")]
-    print(f"{len(stimuli)} clips of {SECONDS:g} s: study {times['study']:.1f} s, {sizes[0]:.1f} MB; films "
-          f"{times['films']:.1f} s, {sizes[1]:.1f} MB; {times['films'] / times['study']:.1f} times faster, "
+    print(f"{len(stimuli)} clips of {SECONDS:g} s: study {study:.1f} s, {sizes[0]:.1f} MB; films "
+          f"{filmed:.1f} s, {sizes[1]:.1f} MB; {filmed / study:.1f} times faster, "
           f"{sizes[1] / sizes[0]:.1f} times smaller")  # fmt: skip
     rng = np.random.default_rng(0)
     duels = rng.integers(0, 3, (40, 8, 8)) * (1 - np.eye(8))
     assert np.isfinite(bradley_terry(duels.sum(0))).all()
-    with timed(times, "together"):
-        strengths(duels, "q", list("abcdefgh"), resamples=1000)
-    with timed(times, "alone"):
-        one_by_one(duels, 50)
-    print(f"bootstrap, 1000 resamples of 8 methods: {times['together']:.2f} s; one by one {20 * times['alone']:.1f} s; "
-          f"{20 * times['alone'] / times['together']:.0f} times faster")  # fmt: skip
+    together, _ = timed(lambda: strengths(duels, "q", list("abcdefgh"), resamples=1000))
+    alone, _ = timed(lambda: one_by_one(duels, 50))
+    print(f"bootstrap, 1000 resamples of 8 methods: {together:.2f} s; one by one {20 * alone:.1f} s; "
+          f"{20 * alone / together:.0f} times faster")  # fmt: skip
 
 
 if __name__ == "__main__":

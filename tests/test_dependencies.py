@@ -12,6 +12,7 @@ IMPORTED_AS = {
     "espeakng-loader": "espeakng_loader",
     "opencv-contrib-python-headless": "cv2",
     "pyyaml": "yaml",
+    "scikit-learn": "sklearn",
     "yt-dlp": "yt_dlp",
 }
 # Dependencies that no file imports, and where their use is to be seen.
