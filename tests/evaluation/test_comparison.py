@@ -81,6 +81,6 @@ def test_table_has_mean_and_deviation_over_seeds(compared, tmp_path):
     assert list(lines) == ["ground_truth", "mismatched", "mean_pose", "random", "shaking hands", "steady"]
     values = [one_of(found, "shaking", seed)["jerk"] for seed in (3, 5)]
     assert float(lines["shaking hands"]["jerk [m/s^3]"]) == pytest.approx(np.mean(values), rel=1e-4)
-    assert float(lines["shaking hands"]["jerk deviation [m/s^3]"]) == pytest.approx(np.std(values), rel=1e-4)
+    assert float(lines["shaking hands"]["jerk deviation [m/s^3]"]) == pytest.approx(np.std(values, ddof=1), rel=1e-4)
     assert lines["steady"]["runs"] == "2" and lines["steady"]["lip error [mm]"] == "n/a"
     assert {line["warning"] for line in lines.values()} == {WARNING}

@@ -111,7 +111,7 @@ def test_fgd_and_diversity_are_those_of_the_latents(test_part, yardstick, rulers
     found = evaluate_ha2g("noisy", noisy, yardstick)
     assert found["fgd_expressive"] == pytest.approx(metrics.frechet_distance(latents, real), rel=1e-6)
     draws = [metrics.diversity(latents, pairs=500, seed=seed, norm=1) for seed in range(10)]
-    assert found.found["diversity_expressive"] == pytest.approx((np.mean(draws), np.std(draws)))
+    assert found.found["diversity_expressive"] == pytest.approx((np.mean(draws), np.std(draws, ddof=1)))
     assert found["windows"] == len(latents) == 5 * len(range(0, 300 - 33, 10))
 
 

@@ -100,6 +100,12 @@ def test_file_and_table(judged, tmp_path):
     assert float(lines["half"]["lip error [mm]"]) == pytest.approx(judged.mean("half"), rel=0.01)
 
 
+def test_deviation_is_that_of_the_sample_of_clips():
+    several = LipErrors("ada", ["a", "b", "c"], np.array([10, 10, 20]), {"knn": np.array([1.0, 2.0, 6.0])})
+    assert several.mean("knn") == 3.75 and several.deviation("knn") == pytest.approx(7**0.5)  # 4 + 1 + 9 over 2
+    assert np.isnan(LipErrors("ada", ["a"], np.array([10]), {"knn": np.array([1.0])}).deviation("knn"))
+
+
 def test_subjects_without_a_known_face_have_no_rows_and_a_notice():
     faceless = replace(talking(0), expression=None)
     with pytest.warns(CospeechNotice, match=r"toy: no lip error, for want of a face: none in the test part"):

@@ -100,3 +100,17 @@ def test_table(tmp_path):
     assert [first[f"{name} [%]"] for name in ("in_sync", "off_sync", "combined")] == ["82.7", "92.1", "87.4"]
     assert first["knn judged in sync [%]"] == "50.0" and second["knn judged in sync [%]"] == "n/a"
     assert first["warning"] == WARNING and second["frames"] == "32"
+
+
+def test_table_over_seeds_has_the_samples_deviation(tmp_path):
+    accuracy = {"in_sync": 0.8, "off_sync": 0.8, "combined": 0.8}
+    paths = [tmp_path / f"{seed}.h5" for seed in range(3)]
+    for seed, share in enumerate((0.1, 0.2, 0.6)):
+        write_judgement(paths[seed], "oliver", 64, accuracy, {"knn": share}, seed)
+    write_table(tmp_path / "table.csv", paths)
+    write_table(tmp_path / "one.csv", paths[:1])
+    with open(tmp_path / "table.csv", newline="") as several, open(tmp_path / "one.csv", newline="") as single:
+        (line,), (alone,) = csv.DictReader(several), csv.DictReader(single)
+    assert (line["knn judged in sync [%]"], line["runs"]) == ("30.0", "3")
+    assert line["knn judged in sync deviation [%]"] == "26.5"  # root of (20^2 + 10^2 + 30^2) / 2
+    assert (alone["knn judged in sync [%]"], alone["knn judged in sync deviation [%]"]) == ("10.0", "n/a")

@@ -15,6 +15,7 @@ from cospeech.evaluation.metrics.sync_classifier import WARNING
 from cospeech.evaluation.result import BASELINES, Evaluation
 from cospeech.evaluation.tables import SCHEMA, headings, number, summarise
 from cospeech.files import reading_hdf5, writing
+from cospeech.formats.result_table import mean_and_deviation
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
 from cospeech.gestures.generator import find
 from cospeech.synthesis import finished
@@ -95,9 +96,8 @@ def _evaluation(group, subject, row, seed):
 
 
 def write_table(path, evaluations, rows):
-    """A table of these rows {name in `evaluations`: label}: one line a subject and row, mean and deviation over seeds.
-
-    The baselines are rows of every table. `judged in sync` is no measure of quality; a column says so.
+    """A table of these rows {name in `evaluations`: label}: one line a subject and row, mean and sample deviation over
+    seeds. The baselines are rows of every table. `judged in sync` is no measure of quality; a column says so.
     """
     rows = {row: row for row in (*BASELINES, "random")} | rows
     chosen = [one for row in rows for one in evaluations if one.row == row]
@@ -113,5 +113,5 @@ def write_table(path, evaluations, rows):
             cells = [x for name in COLUMNS for x in (line.mean[name], line.deviation[name])]
             for name, scale in ((LIPS, 1), (SYNC, 100)):
                 values = scale * np.array([one.attributes[name] for one in runs])
-                cells += [values.mean(), values.std() if len(runs) > 1 else np.nan]
+                cells += mean_and_deviation(values)
             table.writerow([line.subject, rows[line.row], line.runs, line.clips, *map(number, cells), WARNING])

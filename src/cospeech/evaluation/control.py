@@ -12,6 +12,7 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.evaluation.tables import number
 from cospeech.files import put, reading_hdf5, writing, writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation
 from cospeech.gestures.generator import find
 from cospeech.matching.control.controls import Wanted
 from cospeech.matching.control.signals import SIGNALS
@@ -113,7 +114,7 @@ def _motion(generator, model, clip, seed, controls):
 
 @dataclass(frozen=True)
 class ControlRow:
-    """A line of Table 5.3, in the signal's unit, over all frames of all test clips.
+    """A line of Table 5.3, in the signal's unit, over all frames of all test clips; deviations are the sample's.
 
     kept : share of frames that keep the bound. change : mean |difference| from the k-NN motion under the same control,
     NaN for what does not refine it. free_* : the same without control (MoGlow: with the median for a target).
@@ -149,10 +150,10 @@ def _row(study, signal, level, model):
     change = np.nan
     if model in REFINED:
         change = float(np.abs(values - study.values(BEFORE, signal, level)).mean())
+    told, untold = (map(float, mean_and_deviation(x)) for x in (values, free))
     return ControlRow(
-        study.subject, signal, level, SIGNALS[signal].unit, model, threshold, float(values.mean()),
-        float(values.std()), kept(values), change, float(free.mean()), float(free.std()), kept(free), len(values),
-        len(study.valid),
+        study.subject, signal, level, SIGNALS[signal].unit, model, threshold, *told, kept(values), change, *untold,
+        kept(free), len(values), len(study.valid),
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.evaluation.metrics.fgd import FRAMES
 from cospeech.evaluation.metrics.synchrony import SpeechToSpeed
 from cospeech.evaluation.result import BASELINES, METRICS, Evaluation
+from cospeech.formats.result_table import mean_and_deviation
 
 # Of motion beats. The published 0.03 lets ripples through that carry no timing: at 0.1 the truth stands farther above
 # chance, on motion capture and on the demo speakers alike (docs/evaluation.md).
@@ -177,9 +178,7 @@ def _evaluate(row, takes, reference, seed):
     values = np.array([_combined(pieces[name], reference) for name in takes])
     latents = _latents(reference.feature_net, [piece for parts in pieces.values() for piece in parts])
     of_row = _distribution_metrics(latents, reference)
-    known = np.ma.masked_invalid(values)
-    mean, deviation = known.mean(axis=0).filled(np.nan), known.std(axis=0).filled(np.nan)
-    deviation[known.count(axis=0) < 2] = np.nan
+    mean, deviation = mean_and_deviation(np.ma.masked_invalid(values))
     for name, (score, spread) in of_row.items():
         column = list(METRICS).index(name)
         mean[column], deviation[column] = score, spread
@@ -202,7 +201,7 @@ def _distribution_metrics(latents, reference):
     return {
         "fgd": (metrics.frechet_distance(latents, reference.test_latents), np.nan),
         "fgd_train": (metrics.frechet_distance(latents, reference.train_latents), np.nan),
-        "diversity": (np.mean(draws), np.std(draws)),
+        "diversity": mean_and_deviation(draws),
     }
 
 

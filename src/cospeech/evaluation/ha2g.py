@@ -16,6 +16,7 @@ from cospeech.evaluation.metrics import beats, genea
 from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.evaluation.metrics.expressive import STRIDE, clip_vectors
 from cospeech.evaluation.metrics.fgd import FRAMES
+from cospeech.formats.result_table import mean_and_deviation
 from cospeech.gestures.ha2g.dataset.levels import level_table
 
 ANGLES = "expressive43"  # the level table whose angles beats are found in
@@ -164,7 +165,7 @@ def _of_latents(pieces, yardstick):
         for against, others in (("", test), ("train_", train)):
             distance = metrics.frechet_distance(latents, others)
             found[f"fgd_{against}{name}"] = round(distance, 9), np.nan  # so that rounding does not stand for a distance
-        found[f"diversity_{name}"] = np.mean(draws), np.std(draws)
+        found[f"diversity_{name}"] = mean_and_deviation(draws)
         found[f"diversity_batches_{name}"] = metrics.diversity_of_batches(latents, seed=yardstick.seed), np.nan
         found["windows"] = len(latents), np.nan
     return found

@@ -8,6 +8,7 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.evaluation.tables import number
 from cospeech.files import put, reading_hdf5, writing, writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation
 
 SCHEMA = "cospeech.ha2g_evaluation"
 BASELINES = ("ground_truth", "mismatched", "shuffled", "mean_pose")
@@ -92,6 +93,6 @@ def write_table(path, judgements, rows=None, columns=None, heading="row"):
 
 
 def merged(runs, metric):
-    """(mean, deviation) of a metric over the runs of a row."""
+    """(mean, deviation) of a metric over the runs of a row; of one run, its own."""
     pairs = np.array([run.found.get(metric, (np.nan, np.nan)) for run in runs], float)
-    return (pairs[0, 0], pairs[0, 1]) if len(runs) == 1 else (pairs[:, 0].mean(), pairs[:, 0].std(ddof=1))
+    return (pairs[0, 0], pairs[0, 1]) if len(runs) == 1 else mean_and_deviation(pairs[:, 0])

@@ -9,6 +9,7 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.evaluation.result import BASELINES, METRICS, Evaluation
 from cospeech.files import writing, writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation
 
 SCHEMA = "cospeech.evaluations"
 ABSENT = "n/a"
@@ -18,7 +19,7 @@ ABSENT = "n/a"
 class Summary:
     """One line of a table: {metric: mean}, {metric: deviation}; `runs` seeds, `clips` test clips, NaN where n/a.
 
-    The deviation of one run is over clips (diversity: over draws); that of several runs is over the runs' means.
+    Sample deviations: that of one run is over clips (diversity: over draws), that of several over the runs' means.
     """
 
     subject: str
@@ -49,8 +50,9 @@ def summarise(evaluations):
 
 def _summary(subject, row, runs):
     means = np.array([run.mean for run in runs])
-    deviation = runs[0].deviation if len(runs) == 1 else means.std(axis=0)
-    columns = [dict(zip(METRICS, map(float, values), strict=True)) for values in (means.mean(axis=0), deviation)]
+    mean, deviation = mean_and_deviation(means)
+    deviation = runs[0].deviation if len(runs) == 1 else deviation
+    columns = [dict(zip(METRICS, map(float, values), strict=True)) for values in (mean, deviation)]
     return Summary(subject, row, len(runs), len(runs[0].clips), *columns)
 
 

@@ -12,7 +12,7 @@ from cospeech.study.plots import label
 
 CLEAR = 0.05
 READING = {
-    "rating": "Mean ± standard deviation over all ratings, as in thesis Tables 4.1, 4.2, 5.2 and 5.4.",
+    "rating": "Mean ± sample deviation over all ratings, as in thesis Tables 4.1, 4.2, 5.2 and 5.4.",
     "pairs": "Log strength after Bradley and Terry with its 95% interval (participants resampled), and in brackets the "
     "share of its comparisons that a method has won, a draw counting half.",
 }

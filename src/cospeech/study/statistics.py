@@ -7,6 +7,8 @@ import numpy as np
 from scipy import stats
 from scipy.special import expit
 
+from cospeech.formats.result_table import mean_and_deviation
+
 CONFIDENCE = 0.95
 RESAMPLES = 1000  # of participants, for intervals of strengths
 PRIOR = 0.5  # wins of both sides, a draw, added to every pair where somebody has won or lost all: else infinite
@@ -61,12 +63,10 @@ def summarise(ratings, question, conditions):
         people = ratings[condition]
         values = np.concatenate([np.asarray(v, float) for v in people.values()])
         means = np.array([np.mean(v) for v in people.values()])
-        half = np.nan
-        if len(means) > 1:
-            half = stats.t.ppf((1 + CONFIDENCE) / 2, len(means) - 1) * means.std(ddof=1) / np.sqrt(len(means))
-        deviation = values.std(ddof=1) if len(values) > 1 else np.nan
-        lines.append(Line(condition, question, len(people), len(values), float(values.mean()), float(deviation),
-                          float(means.mean() - half), float(means.mean() + half)))  # fmt: skip
+        middle, apart = mean_and_deviation(means)
+        half = stats.t.ppf((1 + CONFIDENCE) / 2, max(len(means) - 1, 1)) * apart / np.sqrt(len(means))
+        found = (*mean_and_deviation(values), middle - half, middle + half)
+        lines.append(Line(condition, question, len(people), len(values), *map(float, found)))
     return lines
 
 

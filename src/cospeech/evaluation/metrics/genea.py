@@ -31,6 +31,7 @@ def average_acceleration(motions, fps=15.0):
 
 
 def _over_motions(values):
+    # Over n, not n - 1: the motions given are all there are, as in the challenge; no sample of runs.
     known = np.array([value for value in values if np.isfinite(value)])
     return (float(known.mean()), float(known.std())) if known.size else (float("nan"), float("nan"))
 

@@ -13,6 +13,7 @@ from cospeech.errors import CospeechError, notice
 from cospeech.evaluation.tables import number
 from cospeech.face.model import embedded
 from cospeech.files import put, reading_hdf5, writing, writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
 
 SCHEMA = "cospeech.lips"
@@ -34,8 +35,8 @@ class LipErrors:
         return float(np.average(self.errors[row], weights=self.frames)) if len(self.clips) else float("nan")
 
     def deviation(self, row):
-        """Over clips, mm; NaN for fewer than two."""
-        return float(self.errors[row].std()) if len(self.clips) > 1 else float("nan")
+        """Of the sample of clips, mm; NaN for fewer than two."""
+        return float(mean_and_deviation(self.errors[row])[1]) if self.clips else float("nan")
 
     def write(self, path):
         """Write results/<subject>/evaluation/lips.h5."""

@@ -16,6 +16,7 @@ from torch.nn import functional as F
 
 from cospeech.errors import CospeechError
 from cospeech.files import reading_hdf5, writing, writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation
 from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
 from cospeech.gestures.chapter4.vectors import motion_to_vectors
 from cospeech.learning.training import autocast, descend, device, train
@@ -209,7 +210,8 @@ def write_judgement(path, subject, frames, accuracy, scores, seed=0):
 def write_table(path, judgements):
     """Table 4.4 as CSV from files of `write_judgement`, one line a subject and window length.
 
-    Accuracies, and each row's share in sync, are means over the classifiers' seeds, in percent, with their deviations.
+    Accuracies, and each row's share in sync, are means over the classifiers' seeds, in percent, with their sample
+    deviations.
     """
     groups = {}
     for judgement in judgements:
@@ -226,12 +228,8 @@ def write_table(path, judgements):
         )
         for (subject, frames), runs in groups.items():
             columns = [np.array([values.get(head, np.nan) for values in runs]) for head in heads]
-            cells = [_percent(x) for column in columns for x in (column.mean(), _deviation(column))]
+            cells = [_percent(x) for column in columns for x in mean_and_deviation(column)]
             table.writerow([subject, frames, len(runs), *cells, WARNING])
-
-
-def _deviation(column):
-    return column.std() if len(column) > 1 else np.nan
 
 
 def _percent(share):

@@ -12,6 +12,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError
 from cospeech.files import reading_hdf5, writing
+from cospeech.formats.result_table import mean_and_deviation
 from cospeech.posenet.evaluation.accuracy import METRICS, SCHEMA
 
 TITLES = {
@@ -32,8 +33,8 @@ def write_table(path, evaluations, domain="wild", protocol="globally scaled"):
         table.writerow(["row", "method", "seeds", *(h for m in METRICS for h in (m, f"{m} deviation"))])
         for row, paths in evaluations.items():
             values = np.array([_values(path, domain, protocol) for path in paths])
-            mean, spread = values.mean(axis=0), values.std(axis=0, ddof=1) if len(paths) > 1 else None
-            cells = [[f"{m:.2f}", "n/a" if spread is None else f"{spread[i]:.2f}"] for i, m in enumerate(mean)]
+            cells = [[f"{m:.2f}", f"{d:.2f}" if np.isfinite(d) else "n/a"]
+                     for m, d in zip(*mean_and_deviation(values), strict=True)]  # fmt: skip
             table.writerow([row, TITLES[row], len(paths), *(cell for pair in cells for cell in pair)])
 
 

@@ -23,7 +23,7 @@ def control_section(rows, figures):
     return f"""<p>Each control on the whole of every test clip (thesis Table 5.3). A threshold is a percentile of
 the training part; <i>kept</i> is the share of frames at or beyond it, <i>change</i> the mean difference from the k-NN
 motion that the network was given. The control bounds the first and the last frame of each window of eight, so that
-motion stays free between them; the deviation shows how much of it there is.</p>
+motion stays free between them; the sample deviation over frames shows how much of it there is.</p>
 {tables}<div class="curves">{pictures}</div>"""
 
 

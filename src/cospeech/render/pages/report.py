@@ -124,7 +124,7 @@ def _evaluation(summaries):
         for name in metrics
     )
     return f"""<p>Shaded rows are no models: recorded motion, recorded motion under other speech, and a pose that never
-moves. A number means little without them. Values are mean ± standard deviation: over seeds where there are several
+moves. A number means little without them. Values are mean ± sample deviation: over seeds where there are several
 runs, over test clips where there is one; differences smaller than the deviations show nothing, so no value is marked as
 the best. Every trained row is the last epoch. <i>n/a</i>: the metric does not apply.</p>
 {"".join(tables)}
@@ -135,8 +135,9 @@ def _variants(summaries):
     subjects = dict.fromkeys(line.subject for line in summaries)
     tables = [f"<h3>{escape(name)}</h3>" + _table([s for s in summaries if s.subject == name], COMPARED, LABELS)
               for name in subjects]  # fmt: skip
-    about = "<p>The variants of the search in thesis Table 5.4, where people judged them.</p>" if tables else ""
-    return about + "".join(tables)
+    about = """<p>The variants of the search in thesis Table 5.4, where people judged them. Values are mean ± sample
+deviation over test clips.</p>"""
+    return about + "".join(tables) if tables else ""
 
 
 def _further(paths, captions):
