@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cospeech.evaluation.comparison import LIPS, SYNC, clips_of, compare, read_comparison, write_table
+from cospeech.evaluation.comparison import LIPS, SYNC, clips_of, compare, read_comparison, write_comparison
 from cospeech.evaluation.evaluate import Reference
 from cospeech.evaluation.metrics.sync_classifier import WARNING, Settings, train_sync_classifier
 from cospeech.evaluation.tables import write_hdf5
@@ -75,7 +75,7 @@ def test_table_has_mean_and_deviation_over_seeds(compared, tmp_path):
     again = read_comparison(tmp_path / "found.h5")
     attributes = [sorted(one_of(some, "shaking", 5).attributes.items()) for some in (again, found)]
     assert repr(attributes[0]) == repr(attributes[1])
-    write_table(tmp_path / "table.csv", again, {"shaking": "shaking hands", "steady": "steady"})
+    write_comparison(tmp_path / "table.csv", again, {"shaking": "shaking hands", "steady": "steady"})
     with open(tmp_path / "table.csv", newline="") as file:
         lines = {line["row"]: line for line in csv.DictReader(file)}
     assert list(lines) == ["ground_truth", "mismatched", "mean_pose", "random", "shaking hands", "steady"]

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.evaluation.columns import METRICS
 from cospeech.evaluation.evaluate import BASELINES, Reference, Take, evaluate_baseline, evaluate_model
 from cospeech.evaluation.metrics.gesture_metrics import low_pass
 from cospeech.evaluation.metrics.synchrony import SpeechToSpeed
-from cospeech.evaluation.result import METRICS, Evaluation
+from cospeech.evaluation.result import Evaluation
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.result import METRICS, Evaluation
+from cospeech.evaluation.columns import METRICS
+from cospeech.evaluation.result import Evaluation
 from cospeech.evaluation.tables import cell, read_evaluations, summarise, write_csv, write_hdf5
 
 JERK, FGD = (list(METRICS).index(name) for name in ("jerk", "fgd"))

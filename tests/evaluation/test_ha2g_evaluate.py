@@ -14,11 +14,11 @@ from cospeech.evaluation.ha2g_result import (
     Judgement,
     merged,
     read_judgements,
+    write_judged,
     write_judgements,
-    write_table,
 )  # fmt: skip
-from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.evaluation.metrics.expressive import Settings, clip_vectors, train_ruler
+from cospeech.evaluation.metrics.gesture_metrics import gesture_metrics as metrics
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +179,7 @@ def test_files_and_tables_keep_what_was_found(tmp_path, baselines):
     assert flat(truth) == pytest.approx(flat(baselines[0]), nan_ok=True)
     assert truth.attributes["window_frames"] == 34
     rows = {"ground_truth": "Ground truth", "absent": "x", "m": "Model"}
-    write_table(tmp_path / "t.csv", back, rows, TABLE_1, "method")
+    write_judged(tmp_path / "t.csv", back, rows, TABLE_1, "method")
     head, first, second = csv.reader((tmp_path / "t.csv").read_text().splitlines())
     assert head[:4] == ["method", "runs", "fgd_expressive", "fgd_expressive deviation"]
     assert first[:3] == ["Ground truth", "1", "0"] and second[:2] == ["Model", "3"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.evaluation.metrics.lips import LipErrors, judge_lips, lip_distances, lip_error, write_table
+from cospeech.evaluation.metrics.lips import LipErrors, judge_lips, lip_distances, lip_error, write_lips
 from cospeech.face.expressions import COSPEECH64
 from cospeech.face.model import FaceModel, embedded
 from tests.conftest import make_clip
@@ -93,7 +93,7 @@ def test_file_and_table(judged, tmp_path):
     judged.write(tmp_path / "lips.h5")
     again = LipErrors.read(tmp_path / "lips.h5")
     assert list(again.errors) == list(judged.errors) and again.clips == judged.clips
-    write_table(tmp_path / "table.csv", [again])
+    write_lips(tmp_path / "table.csv", [again])
     with open(tmp_path / "table.csv", newline="") as file:
         lines = {line["row"]: line for line in csv.DictReader(file)}
     assert lines["random"]["share of random"] == "1" and lines["knn"]["lip error [mm]"] == "n/a"

@@ -13,8 +13,8 @@ from cospeech.evaluation.metrics.sync_classifier import (
     Settings,
     SyncClassifier,
     train_sync_classifier,
+    write_accuracies,
     write_judgement,
-    write_table,
 )
 from tests.conftest import make_clip
 
@@ -94,7 +94,7 @@ def test_table(tmp_path):
     accuracy = {"in_sync": 0.827, "off_sync": 0.921, "combined": 0.874}
     write_judgement(tmp_path / "a.h5", "oliver", 64, accuracy, {"ground_truth": 0.8, "knn": 0.5})
     write_judgement(tmp_path / "b.h5", "oliver", 32, accuracy, {"ground_truth": 0.7, "knn": np.nan})
-    write_table(tmp_path / "table.csv", [tmp_path / "a.h5", tmp_path / "b.h5"])
+    write_accuracies(tmp_path / "table.csv", [tmp_path / "a.h5", tmp_path / "b.h5"])
     with open(tmp_path / "table.csv", newline="") as file:
         first, second = csv.DictReader(file)
     assert [first[f"{name} [%]"] for name in ("in_sync", "off_sync", "combined")] == ["82.7", "92.1", "87.4"]
@@ -107,8 +107,8 @@ def test_table_over_seeds_has_the_samples_deviation(tmp_path):
     paths = [tmp_path / f"{seed}.h5" for seed in range(3)]
     for seed, share in enumerate((0.1, 0.2, 0.6)):
         write_judgement(paths[seed], "oliver", 64, accuracy, {"knn": share}, seed)
-    write_table(tmp_path / "table.csv", paths)
-    write_table(tmp_path / "one.csv", paths[:1])
+    write_accuracies(tmp_path / "table.csv", paths)
+    write_accuracies(tmp_path / "one.csv", paths[:1])
     with open(tmp_path / "table.csv", newline="") as several, open(tmp_path / "one.csv", newline="") as single:
         (line,), (alone,) = csv.DictReader(several), csv.DictReader(single)
     assert (line["knn judged in sync [%]"], line["runs"]) == ("30.0", "3")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError
-from cospeech.posenet.evaluation.ablation import TITLES, write_table
+from cospeech.posenet.evaluation.ablation import TITLES, write_ablation
 from cospeech.posenet.evaluation.accuracy import evaluate
 from cospeech.posenet.store import Store, write_store
 from cospeech.posenet.training.stages import ROWS
@@ -82,13 +82,13 @@ def test_ablation_table_has_mean_and_deviation_over_seeds(evaluation, tmp_path):
             evaluation.table["wild", "posenet", "globally scaled"]["PCK"] = value + 10 * (row == "both")
             files[row].append(tmp_path / f"{row}-{seed}.h5")
             evaluation.write(files[row][-1])
-    write_table(tmp_path / "table.csv", files)
+    write_ablation(tmp_path / "table.csv", files)
     with open(tmp_path / "table.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["row"] for row in rows] == ["baseline", "latent", "projection", "both"] == list(ROWS)
     assert (rows[0]["PCK"], rows[3]["PCK"], rows[0]["seeds"]) == ("63.00", "73.00", "3")
     assert float(rows[0]["PCK deviation"]) == pytest.approx(np.std([60, 62, 67], ddof=1), abs=0.005)
-    write_table(tmp_path / "one.csv", {row: paths[:1] for row, paths in files.items()})
+    write_ablation(tmp_path / "one.csv", {row: paths[:1] for row, paths in files.items()})
     assert "n/a" in (tmp_path / "one.csv").read_text()
     with pytest.raises(CospeechError, match="moon"):
-        write_table(tmp_path / "moon.csv", files, domain="moon")
+        write_ablation(tmp_path / "moon.csv", files, domain="moon")

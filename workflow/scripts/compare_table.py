@@ -3,7 +3,7 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.comparison import read_comparison, write_table
+    from cospeech.evaluation.comparison import read_comparison, write_comparison
 
     evaluations = [one for path in snakemake.input for one in read_comparison(path)]
-    write_table(snakemake.output.csv, evaluations, snakemake.params.rows)
+    write_comparison(snakemake.output.csv, evaluations, snakemake.params.rows)

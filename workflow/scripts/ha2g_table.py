@@ -3,7 +3,7 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.ha2g_result import columns_of, read_judgements, write_table
+    from cospeech.evaluation.ha2g_result import columns_of, read_judgements, write_judged
 
     columns = columns_of(snakemake.wildcards.get("table"))
-    write_table(snakemake.output.csv, read_judgements(snakemake.input), snakemake.params.rows, columns, "method")
+    write_judged(snakemake.output.csv, read_judgements(snakemake.input), snakemake.params.rows, columns, "method")

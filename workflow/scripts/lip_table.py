@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.metrics.lips import LipErrors, write_table
+    from cospeech.evaluation.metrics.lips import LipErrors, write_lips
 
-    write_table(snakemake.output.csv, [LipErrors.read(path) for path in snakemake.input])
+    write_lips(snakemake.output.csv, [LipErrors.read(path) for path in snakemake.input])

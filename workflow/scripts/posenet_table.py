@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.posenet.evaluation.ablation import TITLES, write_table
+    from cospeech.posenet.evaluation.ablation import TITLES, write_ablation
 
-    write_table(snakemake.output[0], {row: snakemake.input[row] for row in TITLES})
+    write_ablation(snakemake.output[0], {row: snakemake.input[row] for row in TITLES})

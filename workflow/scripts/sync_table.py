@@ -3,6 +3,6 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.metrics.sync_classifier import write_table
+    from cospeech.evaluation.metrics.sync_classifier import write_accuracies
 
-    write_table(snakemake.output.csv, snakemake.input)
+    write_accuracies(snakemake.output.csv, snakemake.input)

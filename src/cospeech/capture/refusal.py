@@ -3,7 +3,7 @@
 A refused track has no parts, a refused clip has no valid frame; nothing trains on it or is judged by it.
 """
 
-import csv
+import math
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from cospeech.capture.cleanup.quality import SCALARS, SHARES, Quality
 from cospeech.capture.cleanup.stretch import stand
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
-from cospeech.files import writing
+from cospeech.formats.result_table import ABSENT, number, write_table
 from cospeech.track import Track
 
 SILENCE = np.zeros(16000, np.float32), 16000  # stands in for the sound of a film that cannot be read
 HEADINGS = ("subject", "take", "refused", "valid [%]", "body seen [%]", "hands seen [%]", "face seen [%]",
             "bone deviation [%]", "jitter, tracked [m/s^2]", "jitter, cleaned [m/s^2]")  # fmt: skip
+NOTHING = [ABSENT] * 7  # of the numbers of a take that was refused
 
 
 def track_or_refusal(look, name):
@@ -74,14 +75,15 @@ def refused_take(reason, samples, sample_rate, *, bones, subject, clip, fps, aud
 def write_takes(path, qualities, absent=()):
     """One line a take as CSV: why it was refused, or how good its annotation is. absent : [(subject, take, reason)] of
     those that were left out before anything was made of them."""
-    percent = lambda share: f"{100 * share:.4g}"  # noqa: E731
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(HEADINGS)
-        for q in qualities:
-            seen = lambda *parts: percent(np.mean([q.observed[p] for p in parts])) if parts[0] in q.observed else "n/a"  # noqa: B023, E731
-            numbers = [percent(q.valid), seen("body"), seen("right_hand", "left_hand"), seen("face")]
-            numbers += [percent(q.bone_deviation), f"{q.jitter_raw:.3g}", f"{q.jitter_clean:.3g}"]
-            table.writerow([q.subject, q.clip, q.refused, *(["n/a"] * 7 if q.refused else numbers)])
-        for subject, take, reason in absent:
-            table.writerow([subject, take, reason, *["n/a"] * 7])
+    lines = [[q.subject, q.clip, q.refused, *(_numbers(q) if not q.refused else NOTHING)] for q in qualities]
+    write_table(path, HEADINGS, lines + [[*one, *NOTHING] for one in absent])
+
+
+def _numbers(quality):
+    """The cells of a take that was annotated: shares in percent, bones, and jitter before and after the clean-up."""
+    seen = [quality.observed.get(part, math.nan) for part in ("body", "face")]
+    hands = [quality.observed[part] for part in ("right_hand", "left_hand") if part in quality.observed]
+    shares = [quality.valid, seen[0], np.mean(hands) if hands else math.nan, seen[1], quality.bone_deviation]
+    return [number(100 * share, 4) for share in shares] + [
+        number(x, 3) for x in (quality.jitter_raw, quality.jitter_clean)
+    ]

@@ -1,7 +1,6 @@
 """What capture makes of the virtual speaker's films, against the truth: how far its joints are off, and what is lost
 for gestures that are learnt from films instead of from the truth."""
 
-import csv
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -9,9 +8,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError, notice
+from cospeech.evaluation import columns
 from cospeech.face.expressions import COSPEECH64
 from cospeech.face.model import embedded
-from cospeech.files import writing
+from cospeech.formats.result_table import number, write_table
 from cospeech.skeleton import BODY, LEFT_HAND, RIGHT_HAND, UPPER55
 
 JOINTS = {
@@ -25,8 +25,11 @@ MOVED = 0.02  # standard deviation over time from which an expression component 
 VISIBLE = 1e-3  # metres by which such a component moves some landmark
 MODEL = "knn"  # the generator that learns from both: its motion is the recorded one, so what is lost can be seen in it
 ROWS = ("ground_truth", "mean_pose", "annotation", f"{MODEL}_from_truth", f"{MODEL}_from_films")
-METRICS = ("fgd", "motion_variance", "beat_excess", "synchrony", "wrist_speed_left", "wrist_speed_right",
-           "wrist_height_left", "wrist_height_right", "speed_hellinger", "jerk")  # fmt: skip
+METRICS = (
+    columns.FGD, columns.MOTION_VARIANCE, columns.BEAT_EXCESS, columns.SYNCHRONY, columns.WRIST_SPEED_LEFT,
+    columns.WRIST_SPEED_RIGHT, columns.WRIST_HEIGHT_LEFT, columns.WRIST_HEIGHT_RIGHT, columns.SPEED_HELLINGER,
+    columns.JERK,
+)  # fmt: skip
 HEADINGS = ("subject", "part", "unit", "median", "mean", "90th percentile", "excluded [%]")
 
 
@@ -115,13 +118,11 @@ def _shown():
 
 def write_errors(path, errors):
     """The table of {subject: [Error]} as CSV, one line a subject and part; shares in percent, "n/a" where unknown."""
-    text = lambda x, digits=3: f"{x:.{digits}g}" if np.isfinite(x) else "n/a"  # noqa: E731
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(HEADINGS)
-        for subject, found in errors.items():
-            for e in found:
-                table.writerow([subject, e.part, e.unit, *map(text, (e.median, e.mean, e.high, 100 * e.excluded))])
+    lines = (
+        [subject, e.part, e.unit, *(number(x, 3) for x in (e.median, e.mean, e.high, 100 * e.excluded))]
+        for subject, found in errors.items() for e in found
+    )  # fmt: skip
+    write_table(path, HEADINGS, lines)
 
 
 def judge_learning(annotated, truth, split, audio, feature_net, seed=0):

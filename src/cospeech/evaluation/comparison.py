@@ -4,24 +4,28 @@ One seed is a fluke on ten minutes of speech. So every network is trained with s
 judges each of them on the same test part, and a table has mean and deviation over the seeds.
 """
 
-import csv
 from dataclasses import replace
 
 import numpy as np
 
+from cospeech.evaluation import columns
+from cospeech.evaluation.columns import csv_headings
 from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
 from cospeech.evaluation.metrics.lips import judge_lips
 from cospeech.evaluation.metrics.sync_classifier import WARNING
 from cospeech.evaluation.result import BASELINES, Evaluation
-from cospeech.evaluation.tables import SCHEMA, headings, number, summarise
-from cospeech.files import reading_hdf5, writing
-from cospeech.formats.result_table import mean_and_deviation
+from cospeech.evaluation.tables import SCHEMA, summarise
+from cospeech.files import reading_hdf5
+from cospeech.formats.result_table import mean_and_deviation, write_table
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
 from cospeech.gestures.generator import find
 from cospeech.synthesis import finished
 
-COLUMNS = ("fgd", "fgd_train", "diversity", "motion_variance", "beat_excess", "synchrony", "speed_hellinger", "jerk")
-LIPS, SYNC = "lip_error", "judged_in_sync"  # kept as attributes of an Evaluation, in mm and as a share
+COLUMNS = (
+    columns.FGD, columns.FGD_TRAIN, columns.DIVERSITY, columns.MOTION_VARIANCE, columns.BEAT_EXCESS, columns.SYNCHRONY,
+    columns.SPEED_HELLINGER, columns.JERK,
+)  # fmt: skip
+LIPS, SYNC = columns.LIP_ERROR, columns.JUDGED_IN_SYNC  # kept as attributes of an Evaluation, in mm and as a share
 
 
 def clips_of(generator, truth, row, seed=0):
@@ -95,7 +99,7 @@ def _evaluation(group, subject, row, seed):
     return Evaluation(subject, row, seed, clips, attributes=attributes, **arrays)
 
 
-def write_table(path, evaluations, rows):
+def write_comparison(path, evaluations, rows):
     """A table of these rows {name in `evaluations`: label}: one line a subject and row, mean and sample deviation over
     seeds. The baselines are rows of every table. `judged in sync` is no measure of quality; a column says so.
     """
@@ -103,15 +107,11 @@ def write_table(path, evaluations, rows):
     chosen = [one for row in rows for one in evaluations if one.row == row]
     subjects = list(dict.fromkeys(one.subject for one in evaluations))
     lines = sorted(summarise(chosen), key=lambda line: subjects.index(line.subject))
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        heads = [heading for name in COLUMNS for heading in headings(name)]
-        heads += ["lip error [mm]", "lip error deviation [mm]", "judged in sync [%]", "judged in sync deviation [%]"]
-        table.writerow(["subject", "row", "runs", "clips", *heads, "warning"])
-        for line in lines:
-            runs = [one for one in chosen if (one.subject, one.row) == (line.subject, line.row)]
-            cells = [x for name in COLUMNS for x in (line.mean[name], line.deviation[name])]
-            for name, scale in ((LIPS, 1), (SYNC, 100)):
-                values = scale * np.array([one.attributes[name] for one in runs])
-                cells += mean_and_deviation(values)
-            table.writerow([line.subject, rows[line.row], line.runs, line.clips, *map(number, cells), WARNING])
+    heads = [heading for name in (*COLUMNS, LIPS, SYNC) for heading in csv_headings(name)]
+    cells = []
+    for line in lines:
+        runs = [one for one in chosen if (one.subject, one.row) == (line.subject, line.row)]
+        judged = [scale * np.array([one.attributes[name] for one in runs]) for name, scale in ((LIPS, 1), (SYNC, 100))]
+        numbers = line.cells(COLUMNS) + [x for values in judged for x in mean_and_deviation(values)]
+        cells.append([line.subject, rows[line.row], line.runs, line.clips, *numbers, WARNING])
+    write_table(path, ["subject", "row", "runs", "clips", *heads, "warning"], cells)

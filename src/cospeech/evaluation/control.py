@@ -4,15 +4,13 @@ Every control of the table is put on the whole of every test clip. What is kept 
 tables and figures are made from them.
 """
 
-import csv
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.tables import number
-from cospeech.files import put, reading_hdf5, writing, writing_hdf5
-from cospeech.formats.result_table import mean_and_deviation
+from cospeech.files import put, reading_hdf5, writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation, write_table
 from cospeech.gestures.generator import find
 from cospeech.matching.control.controls import Wanted
 from cospeech.matching.control.signals import SIGNALS
@@ -160,12 +158,7 @@ def _row(study, signal, level, model):
 def write_csv(path, rows):
     """results/tables/table_5_3.csv: one line a subject, control and model, "n/a" where a number does not apply."""
     names = [field.name for field in fields(ControlRow)]
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(names)
-        for row in rows:
-            cells = (getattr(row, name) for name in names)
-            table.writerow([number(cell) if isinstance(cell, float) else cell for cell in cells])
+    write_table(path, names, ([getattr(row, name) for name in names] for row in rows))
 
 
 def write_hdf5(path, rows):

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
+from cospeech.evaluation import columns
+from cospeech.evaluation.columns import METRICS
 from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.evaluation.metrics.fgd import FRAMES
 from cospeech.evaluation.metrics.synchrony import SpeechToSpeed
-from cospeech.evaluation.result import BASELINES, METRICS, Evaluation
+from cospeech.evaluation.result import BASELINES, Evaluation
 from cospeech.formats.result_table import mean_and_deviation
 
 # Of motion beats. The published 0.03 lets ripples through that carry no timing: at 0.1 the truth stands farther above
@@ -199,9 +201,9 @@ def _distribution_metrics(latents, reference):
         return {}
     draws = [metrics.diversity(latents, seed=reference.seed + i) for i in range(DRAWS)]
     return {
-        "fgd": (metrics.frechet_distance(latents, reference.test_latents), np.nan),
-        "fgd_train": (metrics.frechet_distance(latents, reference.train_latents), np.nan),
-        "diversity": mean_and_deviation(draws),
+        columns.FGD: (metrics.frechet_distance(latents, reference.test_latents), np.nan),
+        columns.FGD_TRAIN: (metrics.frechet_distance(latents, reference.train_latents), np.nan),
+        columns.DIVERSITY: mean_and_deviation(draws),
     }
 
 
@@ -218,24 +220,24 @@ def _clip_metrics(take, reference):
     beats = metrics.motion_beats(positions, fps, reference.threshold, reference.maac)
     heights, speeds = metrics.wrist_heights(positions), metrics.wrist_speeds(positions, fps)
     found = {
-        "beat_rate": len(beats) * fps / len(positions),
-        "synchrony": reference.predictor.synchrony(take.features, positions),
-        "motion_variance": metrics.motion_variance(positions),
-        "wrist_speed_left": speeds[:, 0].mean(),
-        "wrist_speed_right": speeds[:, 1].mean(),
-        "wrist_speed_spread": speeds.std(axis=0).mean(),
-        "wrist_height_left": heights[:, 0].mean(),
-        "wrist_height_right": heights[:, 1].mean(),
-        "wrist_height_spread": heights.std(axis=0).mean(),
-        "wrist_asymmetry": metrics.wrist_asymmetry(positions).mean(),
-        "speed_hellinger": metrics.hellinger(metrics.speed_histogram([positions], fps), reference.speeds),
-        "acceleration": metrics.acceleration(positions, fps),
-        "jerk": metrics.jerk(positions, fps),
+        columns.BEAT_RATE: len(beats) * fps / len(positions),
+        columns.SYNCHRONY: reference.predictor.synchrony(take.features, positions),
+        columns.MOTION_VARIANCE: metrics.motion_variance(positions),
+        columns.WRIST_SPEED_LEFT: speeds[:, 0].mean(),
+        columns.WRIST_SPEED_RIGHT: speeds[:, 1].mean(),
+        columns.WRIST_SPEED_SPREAD: speeds.std(axis=0).mean(),
+        columns.WRIST_HEIGHT_LEFT: heights[:, 0].mean(),
+        columns.WRIST_HEIGHT_RIGHT: heights[:, 1].mean(),
+        columns.WRIST_HEIGHT_SPREAD: heights.std(axis=0).mean(),
+        columns.WRIST_ASYMMETRY: metrics.wrist_asymmetry(positions).mean(),
+        columns.SPEED_HELLINGER: metrics.hellinger(metrics.speed_histogram([positions], fps), reference.speeds),
+        columns.ACCELERATION: metrics.acceleration(positions, fps),
+        columns.JERK: metrics.jerk(positions, fps),
     }
     if take.onsets is not None:
-        found["beat_consistency"] = metrics.onset_coverage(beats, take.onsets)
-        chance = metrics.chance_coverage(beats, take.onsets, len(positions) / fps)
-        found["beat_excess"] = found["beat_consistency"] - chance
+        coverage = metrics.onset_coverage(beats, take.onsets)
+        found[columns.BEAT_CONSISTENCY] = coverage
+        found[columns.BEAT_EXCESS] = coverage - metrics.chance_coverage(beats, take.onsets, len(positions) / fps)
     return [found.get(name, np.nan) for name in METRICS]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
+from cospeech.evaluation import columns
 from cospeech.evaluation.evaluate import DRAWS, low_passed, stretches
 from cospeech.evaluation.ha2g_result import Judgement
 from cospeech.evaluation.metrics import beats, genea
@@ -143,7 +144,7 @@ def _judge(row, run, clips, yardstick):
     if not pieces:
         raise CospeechError(f"{row}: no valid frame in any test clip; look at what was captured")
     found = _of_latents(pieces, yardstick)
-    found |= _of_beats(pieces, onsets, yardstick) | {"bc_compat": (_compatible_bc(clips, yardstick), np.nan)}
+    found |= _of_beats(pieces, onsets, yardstick) | {columns.BC_RELEASED: (_compatible_bc(clips, yardstick), np.nan)}
     found |= _of_genea(pieces, truths, yardstick.fps)
     attributes = {
         "fps": yardstick.fps, "beat_threshold": yardstick.threshold, "beat_sigma": yardstick.sigma,
@@ -162,33 +163,35 @@ def _of_latents(pieces, yardstick):
             notice(f"test clips hold fewer than two windows of {FRAMES} frames, so FGD and diversity do not apply")
             continue
         draws = [metrics.diversity(latents, seed=yardstick.seed + i, norm=1) for i in range(DRAWS)]
-        for against, others in (("", test), ("train_", train)):
+        for fgd, others in ((columns.FGD_BY_NET[name], test), (columns.FGD_TRAIN_BY_NET[name], train)):
             distance = metrics.frechet_distance(latents, others)
-            found[f"fgd_{against}{name}"] = round(distance, 9), np.nan  # so that rounding does not stand for a distance
-        found[f"diversity_{name}"] = mean_and_deviation(draws)
-        found[f"diversity_batches_{name}"] = metrics.diversity_of_batches(latents, seed=yardstick.seed), np.nan
-        found["windows"] = len(latents), np.nan
+            found[fgd] = round(distance, 9), np.nan  # so that rounding does not stand for a distance
+        found[columns.DIVERSITY_BY_NET[name]] = mean_and_deviation(draws)
+        batches = metrics.diversity_of_batches(latents, seed=yardstick.seed)
+        found[columns.DIVERSITY_BATCHES_BY_NET[name]] = batches, np.nan
+        found[columns.WINDOWS] = len(latents), np.nan
     return found
 
 
 def _of_beats(pieces, onsets, yardstick):
     """{metric: (value, nan)}: beat consistency by every threshold, and of low-passed motion, without ripple."""
     changes = _angle_changes(pieces)
-    ways = {"": (changes, yardstick.threshold)} | {f"_{x:g}": (changes, x) for x in beats.PUBLISHED.values()}
-    ways["_low_passed"] = _angle_changes([low_passed(piece, LOW_PASS) for piece in pieces]), yardstick.threshold
+    ways = {columns.MEASURED: (changes, yardstick.threshold)}
+    ways |= {data: (changes, threshold) for data, threshold in beats.PUBLISHED.items()}
+    ways[columns.LOW_PASSED] = _angle_changes([low_passed(piece, LOW_PASS) for piece in pieces]), yardstick.threshold
     seconds = sum(piece.frames for piece in pieces) / yardstick.fps
     found = {}
-    for suffix, (changes, threshold) in ways.items():
+    for way, (changes, threshold) in ways.items():
         bc = beats.beat_consistency(
             changes, onsets, yardstick.maac, threshold=threshold, sigma=yardstick.sigma, fps=yardstick.fps
         )
-        found[f"bc{suffix}"] = bc.with_still, np.nan
-        found[f"bc_without_still{suffix}"] = bc.without_still, np.nan
-        found[f"bc_excess{suffix}"] = bc.excess, np.nan
-        found[f"beat_rate{suffix}"] = bc.beats / seconds, np.nan
-        if not suffix:
-            found |= {"clips_silent": (bc.silent, np.nan), "clips_still": (bc.still, np.nan)}
-            found["onsets"] = bc.onsets, np.nan
+        found[columns.BC[way]] = bc.with_still, np.nan
+        found[columns.BC_WITHOUT_STILL[way]] = bc.without_still, np.nan
+        found[columns.BC_EXCESS[way]] = bc.excess, np.nan
+        found[columns.BC_BEAT_RATE[way]] = bc.beats / seconds, np.nan
+        if way == columns.MEASURED:
+            found |= {columns.CLIPS_SILENT: (bc.silent, np.nan), columns.CLIPS_STILL: (bc.still, np.nan)}
+            found[columns.ONSETS] = bc.onsets, np.nan
     return found
 
 
@@ -214,12 +217,12 @@ def _of_genea(pieces, truths, fps):
     groups = [[i for i, piece in enumerate(pieces) if piece.subject == subject] for subject in _subjects(pieces)]
     correlations = [genea.cca_global([motions[i] for i in group], [truths[i] for i in group]) for group in groups]
     return {
-        "genea_jerk": genea.average_jerk(motions, fps),
-        "genea_acceleration": genea.average_acceleration(motions, fps),
-        "genea_hellinger_speed": (genea.hellinger(motions, truths, 1, fps), np.nan),
-        "genea_hellinger_acceleration": (genea.hellinger(motions, truths, 2, fps), np.nan),
-        "genea_cca_global": (np.mean(correlations), np.nan),
-        "genea_cca_per_clip": (genea.cca_per_clip(motions, truths), np.nan),
+        columns.GENEA_JERK: genea.average_jerk(motions, fps),
+        columns.GENEA_ACCELERATION: genea.average_acceleration(motions, fps),
+        columns.GENEA_HELLINGER_SPEED: (genea.hellinger(motions, truths, 1, fps), np.nan),
+        columns.GENEA_HELLINGER_ACCELERATION: (genea.hellinger(motions, truths, 2, fps), np.nan),
+        columns.GENEA_CCA_GLOBAL: (np.mean(correlations), np.nan),
+        columns.GENEA_CCA_PER_CLIP: (genea.cca_per_clip(motions, truths), np.nan),
     }
 
 

@@ -1,23 +1,20 @@
 """What HA2G's evaluation found: one row's file, and the tables that rows end in."""
 
-import csv
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.tables import number
-from cospeech.files import put, reading_hdf5, writing, writing_hdf5
-from cospeech.formats.result_table import mean_and_deviation
+from cospeech.evaluation.columns import BC, DIVERSITY_BY_NET, FGD_BY_NET, FGD_TRAIN_BY_NET, MEASURED
+from cospeech.files import put, reading_hdf5, writing_hdf5
+from cospeech.formats.result_table import headings, mean_and_deviation, write_table
 
 SCHEMA = "cospeech.ha2g_evaluation"
 BASELINES = ("ground_truth", "mismatched", "shuffled", "mean_pose")
 # Columns of the tables by the names in a Judgement; docs/ha2g_metrics.md says what each is.
-TABLE_1 = (
-    *("fgd_expressive", "fgd_train_expressive", "bc", "diversity_expressive"),
-    *("fgd_trimodal", "fgd_train_trimodal", "diversity_trimodal"),
-)
-ABLATION = ("fgd_expressive", "fgd_train_expressive", "bc", "diversity_expressive")
+EXPRESSIVE, TRIMODAL = "expressive", "trimodal"
+ABLATION = (FGD_BY_NET[EXPRESSIVE], FGD_TRAIN_BY_NET[EXPRESSIVE], BC[MEASURED], DIVERSITY_BY_NET[EXPRESSIVE])
+TABLE_1 = (*ABLATION, FGD_BY_NET[TRIMODAL], FGD_TRAIN_BY_NET[TRIMODAL], DIVERSITY_BY_NET[TRIMODAL])
 
 
 def columns_of(table):
@@ -71,7 +68,7 @@ def _judgement(row, run, group):
     return Judgement(row, run, dict(zip((n.decode() for n in group["metric"]), pairs, strict=True)), attributes)
 
 
-def write_table(path, judgements, rows=None, columns=None, heading="row"):
+def write_judged(path, judgements, rows=None, columns=None, heading="row"):
     """A CSV: a line for each row, its number of runs, and two columns a metric: mean over runs, and deviation.
 
     The deviation of one run is its own (diversity: over draws), that of several is over their values. `rows`: {name:
@@ -83,13 +80,11 @@ def write_table(path, judgements, rows=None, columns=None, heading="row"):
         groups.setdefault(one.row, []).append(one)
     rows = {name: name for name in groups} if rows is None else rows
     columns = list(dict.fromkeys(name for one in judgements for name in one.found)) if columns is None else columns
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow([heading, "runs", *(cell for name in columns for cell in (name, f"{name} deviation"))])
-        for name, label in rows.items():
-            if name in groups:
-                cells = (number(x) for metric in columns for x in merged(groups[name], metric))
-                table.writerow([label, len(groups[name]), *cells])
+    lines = (
+        [label, len(groups[name]), *(x for metric in columns for x in merged(groups[name], metric))]
+        for name, label in rows.items() if name in groups
+    )  # fmt: skip
+    write_table(path, [heading, "runs", *(cell for name in columns for cell in headings(name))], lines)
 
 
 def merged(runs, metric):

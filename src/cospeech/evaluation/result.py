@@ -1,45 +1,15 @@
-"""What an evaluation found: the columns there are, one row's values in them, and the file that holds it."""
+"""What an evaluation found: one row's values in the columns there are, and the file that holds it."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.evaluation.columns import METRICS
 from cospeech.files import put, reading_hdf5, writing_hdf5
 
 SCHEMA = "cospeech.evaluation"
 BASELINES = ("ground_truth", "mismatched", "mean_pose")
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A column: what it is called in a table, its unit, and which way is good ("lower", "higher" or "truth")."""
-
-    label: str
-    unit: str
-    better: str
-
-
-METRICS = {
-    "fgd": Metric("FGD to test truth", "", "lower"),
-    "fgd_train": Metric("FGD to training part", "", "lower"),
-    "diversity": Metric("Diversity", "", "truth"),
-    "beat_consistency": Metric("Beat consistency", "", "higher"),
-    "beat_excess": Metric("Beat consistency over chance", "", "higher"),
-    "beat_rate": Metric("Motion beats", "1/s", "truth"),
-    "synchrony": Metric("Synchrony", "r", "higher"),
-    "motion_variance": Metric("Motion variance", "m^2", "truth"),
-    "wrist_speed_left": Metric("Left wrist speed", "m/s", "truth"),
-    "wrist_speed_right": Metric("Right wrist speed", "m/s", "truth"),
-    "wrist_speed_spread": Metric("Wrist speed spread", "m/s", "truth"),
-    "wrist_height_left": Metric("Left wrist height", "m", "truth"),
-    "wrist_height_right": Metric("Right wrist height", "m", "truth"),
-    "wrist_height_spread": Metric("Wrist height spread", "m", "truth"),
-    "wrist_asymmetry": Metric("Wrist height asymmetry", "m", "truth"),
-    "speed_hellinger": Metric("Hellinger distance of speeds", "", "lower"),
-    "acceleration": Metric("Acceleration", "m/s^2", "truth"),
-    "jerk": Metric("Jerk", "m/s^3", "truth"),
-}
 
 
 @dataclass

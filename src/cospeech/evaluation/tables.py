@@ -1,18 +1,16 @@
 """From one file a row to results/evaluation.h5, results/summary.csv and the cells of the report's tables."""
 
-import csv
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.result import BASELINES, METRICS, Evaluation
-from cospeech.files import writing, writing_hdf5
-from cospeech.formats.result_table import mean_and_deviation
+from cospeech.evaluation.columns import METRICS, csv_headings
+from cospeech.evaluation.result import BASELINES, Evaluation
+from cospeech.files import writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation, plus_minus, write_table
 
 SCHEMA = "cospeech.evaluations"
-ABSENT = "n/a"
 
 
 @dataclass
@@ -28,6 +26,10 @@ class Summary:
     clips: int
     mean: dict
     deviation: dict
+
+    def cells(self, metrics):
+        """Mean and deviation of each of these metrics, one after the other."""
+        return [x for name in metrics for x in (self.mean[name], self.deviation[name])]
 
 
 def read_evaluations(paths):
@@ -70,35 +72,14 @@ def write_hdf5(path, evaluations):
 
 def write_csv(path, evaluations, metrics=tuple(METRICS)):
     """results/summary.csv: one line a subject and row; two columns a metric, mean and deviation, "n/a" where none."""
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(
-            ["subject", "row", "runs", "clips", *(heading for name in metrics for heading in headings(name))]
-        )
-        for line in summarise(evaluations):
-            cells = (number(x) for name in metrics for x in (line.mean[name], line.deviation[name]))
-            table.writerow([line.subject, line.row, line.runs, line.clips, *cells])
-
-
-def headings(metric):
-    """The two CSV headings of a metric: `jerk [m/s^3]`, `jerk deviation [m/s^3]`."""
-    unit = f" [{METRICS[metric].unit}]" if METRICS[metric].unit else ""
-    return f"{metric}{unit}", f"{metric} deviation{unit}"
-
-
-def number(value, digits=6):
-    """`value` with so many significant digits, or "n/a"."""
-    return f"{value:.{digits}g}" if math.isfinite(value) else ABSENT
+    head = ["subject", "row", "runs", "clips", *(heading for name in metrics for heading in csv_headings(name))]
+    write_table(
+        path,
+        head,
+        ([line.subject, line.row, line.runs, line.clips, *line.cells(metrics)] for line in summarise(evaluations)),
+    )
 
 
 def cell(line, metric):
-    """A table cell for people: `0.412 ± 0.051`, `0.412` where there is no deviation, `n/a` where it does not apply.
-
-    Both numbers have as many decimals as the mean needs for three significant digits.
-    """
-    mean, deviation = line.mean[metric], line.deviation[metric]
-    if not math.isfinite(mean):
-        return ABSENT
-    decimals = min(6, max(0, 2 - math.floor(math.log10(abs(mean))))) if mean else 2
-    spread = f" ± {deviation:.{decimals}f}" if math.isfinite(deviation) else ""
-    return f"{mean:.{decimals}f}{spread}"
+    """`plus_minus` of a metric in a `Summary`."""
+    return plus_minus(line.mean[metric], line.deviation[metric])

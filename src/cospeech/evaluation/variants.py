@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from cospeech.evaluation import columns
 from cospeech.evaluation.result import BASELINES
 
 # Row: options of `KNN.generate`. The first two are the thesis's; then its two other choices, turned.
@@ -28,7 +29,10 @@ LABELS = {
     "knn": "k-NN, seams inertialised",
     "resync": "k-NN + cGAN",
 }
-METRICS = ("fgd", "fgd_train", "motion_variance", "beat_consistency", "beat_excess", "beat_rate", "synchrony")
+METRICS = (
+    columns.FGD, columns.FGD_TRAIN, columns.MOTION_VARIANCE, columns.BEAT_CONSISTENCY, columns.BEAT_EXCESS,
+    columns.BEAT_RATE, columns.SYNCHRONY,
+)  # fmt: skip
 
 
 def evaluate_variants(knn, clips, reference, seed=0):

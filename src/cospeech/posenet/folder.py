@@ -1,6 +1,5 @@
 """`cospeech posenet predict`: the pose in every image of a folder, as pictures, a table and HDF5."""
 
-import csv
 from pathlib import Path
 
 import cv2
@@ -8,6 +7,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError, notice
 from cospeech.files import put, writing, writing_hdf5
+from cospeech.formats.result_table import write_table
 from cospeech.posenet.camera import camera_matrix
 from cospeech.posenet.draw import draw_pose
 from cospeech.posenet.predict import PosePredictor
@@ -79,13 +79,12 @@ def write_image(path, image):
 def write_poses(out, names, arrays, predictor):
     """poses.csv and poses.h5: names of N images; joints2d (N, J, 2), joints3d (N, J, 3) and score (N, J)."""
     joints2d, joints3d, score = arrays
-    with writing(out / "poses.csv") as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["image", "joint", "x [px]", "y [px]", "x [mm]", "y [mm]", "z [mm]", "score"])
-        for name, pixels, pose, confidence in zip(names, joints2d, joints3d, score, strict=True):
-            for j, joint in enumerate(predictor.joints):
-                numbers = (*(f"{v:.2f}" for v in (*pixels[j], *pose[j])), f"{confidence[j]:.3f}")
-                table.writerow([name, joint, *numbers])
+    lines = (
+        [name, joint, *(f"{v:.2f}" for v in (*pixels[j], *pose[j])), f"{confidence[j]:.3f}"]
+        for name, pixels, pose, confidence in zip(names, joints2d, joints3d, score, strict=True)
+        for j, joint in enumerate(predictor.joints)
+    )
+    write_table(out / "poses.csv", ["image", "joint", "x [px]", "y [px]", "x [mm]", "y [mm]", "z [mm]", "score"], lines)
     facts = {"part": predictor.part, "licence_note": predictor.licence_note, "axes": "x right, y down, z away"}
     with writing_hdf5(out / "poses.h5", SCHEMA, unit="mm", root=predictor.joints[predictor.root], **facts) as file:
         file["image"], file["joint"] = ([name.encode() for name in column] for column in (names, predictor.joints))

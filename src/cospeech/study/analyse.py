@@ -1,6 +1,5 @@
 """From a study and its answers to tables, plots and a page."""
 
-import csv
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 
@@ -8,7 +7,8 @@ import numpy as np
 
 from cospeech.clip import put_strings
 from cospeech.errors import CospeechError, notice
-from cospeech.files import put, writing, writing_hdf5
+from cospeech.files import put, writing_hdf5
+from cospeech.formats.result_table import write_table
 from cospeech.study.answers import read_answers, read_study
 from cospeech.study.statistics import Comparison, Line, Strength, compare, strengths, summarise, tests
 
@@ -114,11 +114,11 @@ def write_results(folder, results):
     head = ["participant", "first", "second", "track", "question", "choice"] if pairs else \
         ["participant", "condition", "track", "question", "value"]  # fmt: skip
     kind = Strength if pairs else Line
-    _write_csv(folder / "answers.csv", head, results.answers)
-    _write_csv(folder / "table.csv", [f.name for f in fields(kind)], [asdict(r).values() for r in results.table])
-    _write_csv(folder / "comparisons.csv", [f.name for f in fields(Comparison)],
+    write_table(folder / "answers.csv", head, results.answers)
+    write_table(folder / "table.csv", [f.name for f in fields(kind)], [asdict(r).values() for r in results.table])
+    write_table(folder / "comparisons.csv", [f.name for f in fields(Comparison)],
                [asdict(row).values() for row in results.comparisons])  # fmt: skip
-    _write_csv(folder / "left_out.csv", ["file", "participant", "reason"],
+    write_table(folder / "left_out.csv", ["file", "participant", "reason"],
                [(one.path, one.participant, one.reason) for one in results.left])  # fmt: skip
     study = results.study
     with writing_hdf5(folder / "study.h5", SCHEMA, study=study["id"], title=study["title"], kind=study["kind"],
@@ -133,13 +133,6 @@ def write_results(folder, results):
         plot_question(folder / f"{question}.png", results, question)
         plots.append(folder / f"{question}.png")
     write_page(folder / "results.html", results, plots)
-
-
-def _write_csv(path, head, rows):
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(head)
-        table.writerows([f"{x:.6g}" if isinstance(x, float) else x for x in row] for row in rows)
 
 
 def _put_table(group, head, rows):

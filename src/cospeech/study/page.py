@@ -8,6 +8,7 @@ from pathlib import Path
 from string import Template
 
 from cospeech.files import writing
+from cospeech.formats.result_table import plus_minus
 from cospeech.study.plots import label
 
 CLEAR = 0.05
@@ -47,7 +48,7 @@ def _table(results):
     questions = results.study["questions"]
     cells = {(row.condition, row.question): row for row in results.table}
     head = _row(["Method", *(key.replace("_", " ").capitalize() for key in questions)], "th")
-    show = _strength if results.pairs else lambda row: f"{row.mean:.2f} ± {row.deviation:.2f}"
+    show = _strength if results.pairs else lambda row: plus_minus(row.mean, row.deviation, 2)
     lines = [
         _row([label(name), *(show(cells[name, key]) for key in questions)]) for name in results.study["conditions"]
     ]

@@ -4,16 +4,15 @@ Both expressions are put on one face model in neutral head pose; the error is th
 (the publication's list of vertices is not known: ours are the face model's `lips`).
 """
 
-import csv
 from dataclasses import dataclass
 
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
-from cospeech.evaluation.tables import number
+from cospeech.evaluation.columns import LIP_ERROR, csv_headings
 from cospeech.face.model import embedded
-from cospeech.files import put, reading_hdf5, writing, writing_hdf5
-from cospeech.formats.result_table import mean_and_deviation
+from cospeech.files import put, reading_hdf5, writing_hdf5
+from cospeech.formats.result_table import mean_and_deviation, number, write_table
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
 
 SCHEMA = "cospeech.lips"
@@ -125,17 +124,14 @@ def _errors(made, truth, face):
     return np.array([lip_error(made[name], clip, face) for name, clip in truth.items()])
 
 
-def write_table(path, judged):
+def write_lips(path, judged):
     """results/tables/table_4_3.csv from a list of LipErrors: one line a subject and row.
 
     `share of random` is the error over that of the row `random`.
     """
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        heads = ("lip error [mm]", "lip error deviation [mm]", "share of random")
-        table.writerow(["subject", "row", *heads, "clips"])
-        for one in judged:
-            for row in one.errors:
-                share = one.mean(row) / one.mean(RANDOM)
-                cells = (number(x, 3) for x in (one.mean(row), one.deviation(row), share))
-                table.writerow([one.subject, row, *cells, len(one.clips)])
+    lines = []
+    for one in judged:
+        for row in one.errors:
+            numbers = one.mean(row), one.deviation(row), one.mean(row) / one.mean(RANDOM)
+            lines.append([one.subject, row, *(number(x, 3) for x in numbers), len(one.clips)])
+    write_table(path, ["subject", "row", *csv_headings(LIP_ERROR), "share of random", "clips"], lines)

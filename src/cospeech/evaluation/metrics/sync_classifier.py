@@ -5,7 +5,6 @@ there is to tell them apart. It is no measure of quality: in the publication it 
 plain CNN highest, so `WARNING` stands beside its scores.
 """
 
-import csv
 import json
 from dataclasses import asdict, dataclass
 from hashlib import sha256
@@ -15,8 +14,8 @@ import torch
 from torch.nn import functional as F
 
 from cospeech.errors import CospeechError
-from cospeech.files import reading_hdf5, writing, writing_hdf5
-from cospeech.formats.result_table import mean_and_deviation
+from cospeech.files import reading_hdf5, writing_hdf5
+from cospeech.formats.result_table import fixed, headings, mean_and_deviation, write_table
 from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
 from cospeech.gestures.chapter4.vectors import motion_to_vectors
 from cospeech.learning.training import autocast, descend, device, train
@@ -207,7 +206,7 @@ def write_judgement(path, subject, frames, accuracy, scores, seed=0):
             file.create_group(group).attrs.update(values)
 
 
-def write_table(path, judgements):
+def write_accuracies(path, judgements):
     """Table 4.4 as CSV from files of `write_judgement`, one line a subject and window length.
 
     Accuracies, and each row's share in sync, are means over the classifiers' seeds, in percent, with their sample
@@ -216,21 +215,14 @@ def write_table(path, judgements):
     groups = {}
     for judgement in judgements:
         with reading_hdf5(judgement, SCHEMA) as file:
-            values = {f"{name} [%]": share for name, share in file["accuracy"].attrs.items()}
-            values |= {f"{row} judged in sync [%]": share for row, share in file["score"].attrs.items()}
+            values = dict(file["accuracy"].attrs)
+            values |= {f"{row} judged in sync": share for row, share in file["score"].attrs.items()}
             groups.setdefault((file.attrs["subject"], file.attrs["frames"]), []).append(values)
-    heads = list(dict.fromkeys(head for runs in groups.values() for values in runs for head in values))
-    spread = lambda head: head.replace(" [%]", " deviation [%]")  # noqa: E731
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(
-            ["subject", "frames", "runs", *(name for head in heads for name in (head, spread(head))), "warning"]
-        )
-        for (subject, frames), runs in groups.items():
-            columns = [np.array([values.get(head, np.nan) for values in runs]) for head in heads]
-            cells = [_percent(x) for column in columns for x in mean_and_deviation(column)]
-            table.writerow([subject, frames, len(runs), *cells, WARNING])
-
-
-def _percent(share):
-    return f"{100 * share:.1f}" if np.isfinite(share) else "n/a"
+    names = list(dict.fromkeys(name for runs in groups.values() for values in runs for name in values))
+    lines = []
+    for (subject, frames), runs in groups.items():
+        shares = [np.array([values.get(name, np.nan) for values in runs]) for name in names]
+        cells = [fixed(100 * x, 1) for share in shares for x in mean_and_deviation(share)]
+        lines.append([subject, frames, len(runs), *cells, WARNING])
+    heads = (heading for name in names for heading in headings(name, "%"))
+    write_table(path, ["subject", "frames", "runs", *heads, "warning"], lines)

@@ -6,13 +6,11 @@ alone, by joints and bone vectors. "+ 2D latent loss" adds people with 2D labels
 people with 2D labels alone do.
 """
 
-import csv
-
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.files import reading_hdf5, writing
-from cospeech.formats.result_table import mean_and_deviation
+from cospeech.files import reading_hdf5
+from cospeech.formats.result_table import fixed, headings, mean_and_deviation, write_table
 from cospeech.posenet.evaluation.accuracy import METRICS, SCHEMA
 
 TITLES = {
@@ -23,19 +21,17 @@ TITLES = {
 }
 
 
-def write_table(path, evaluations, domain="wild", protocol="globally scaled"):
+def write_ablation(path, evaluations, domain="wild", protocol="globally scaled"):
     """Write the table as CSV: a line a row, mean and deviation over seeds of each metric.
 
     evaluations : {row of TITLES: [paths of evaluation.h5, one a seed]}. The deviation is of the sample, n/a for one.
     """
-    with writing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["row", "method", "seeds", *(h for m in METRICS for h in (m, f"{m} deviation"))])
-        for row, paths in evaluations.items():
-            values = np.array([_values(path, domain, protocol) for path in paths])
-            cells = [[f"{m:.2f}", f"{d:.2f}" if np.isfinite(d) else "n/a"]
-                     for m, d in zip(*mean_and_deviation(values), strict=True)]  # fmt: skip
-            table.writerow([row, TITLES[row], len(paths), *(cell for pair in cells for cell in pair)])
+    lines = []
+    for row, paths in evaluations.items():
+        found = mean_and_deviation(np.array([_values(path, domain, protocol) for path in paths]))
+        cells = (fixed(x, 2) for pair in zip(*found, strict=True) for x in pair)
+        lines.append([row, TITLES[row], len(paths), *cells])
+    write_table(path, ["row", "method", "seeds", *(heading for name in METRICS for heading in headings(name))], lines)
 
 
 def _values(path, domain, protocol):

@@ -6,6 +6,7 @@ from html import escape
 from pathlib import Path
 
 from cospeech.evaluation.control import BEFORE
+from cospeech.formats.result_table import plus_minus
 
 COLUMNS = ("control", "model", "threshold", "mean ± deviation", "kept", "change", "unconstrained", "kept")
 MODELS = {"knn": "k-NN", "resync": "k-NN + cGAN", "moglow": "MoGlow"}
@@ -31,12 +32,11 @@ def _table(rows):
     head = "".join(f"<th>{name}</th>" for name in COLUMNS)
     body = ""
     for row in rows:
-        spread = lambda mean, deviation: f"{mean:.3f} ± {deviation:.3f}"  # noqa: E731
         share = lambda x: f"{100 * x:.0f} %"  # noqa: E731
         cells = [
-            MODELS.get(row.model, row.model), f"{row.threshold:.3f} {row.unit}", spread(row.mean, row.deviation),
+            MODELS.get(row.model, row.model), f"{row.threshold:.3f} {row.unit}", plus_minus(row.mean, row.deviation, 3),
             share(row.kept), f"{row.change:.3f}" if math.isfinite(row.change) else "",
-            spread(row.free_mean, row.free_deviation), share(row.free_kept),
+            plus_minus(row.free_mean, row.free_deviation, 3), share(row.free_kept),
         ]  # fmt: skip
         name = f"{row.signal} = {row.level}".replace("_", " ") if row.model == BEFORE else ""
         body += f"<tr><td>{escape(name)}</td>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>\n"

@@ -15,11 +15,13 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
-from cospeech.evaluation.result import BASELINES, METRICS
+from cospeech.evaluation.columns import METRICS
+from cospeech.evaluation.result import BASELINES
 from cospeech.evaluation.tables import cell
 from cospeech.evaluation.variants import LABELS
 from cospeech.evaluation.variants import METRICS as COMPARED
 from cospeech.files import reading_hdf5, writing
+from cospeech.formats.result_table import ABSENT
 from cospeech.render.chart import line_chart
 from cospeech.render.pages.control_section import control_section
 from cospeech.render.pages.player_page import embedded, player_data, player_script
@@ -30,31 +32,6 @@ not heard. Here are their characters beside the recorded motion, measures of how
 needed to repeat the run. Measures are no judges: look first, then read.</p>"""
 FILMS, FILM_BYTES = 12, 40e6  # embedded at most; the others are linked
 ARROWS = {"lower": "↓ lower is better", "higher": "↑ higher is better", "truth": "≈ close to ground truth is better"}
-MEANING = {
-    "fgd": "Fréchet distance between features of 34-frame windows of this motion and of the test recordings; it judges "
-    "whether the poses look like the speaker's, not whether they fit the speech.",
-    "fgd_train": "The same against the training part: how far the test recordings themselves are from it shows how "
-    "much of a distance is only chance.",
-    "diversity": "Mean distance between features of random pairs of windows; a mean pose has none, noise has too much.",
-    "beat_consistency": "How close each speech onset has a motion beat, 0 to 1; many beats alone already raise it, so "
-    "read it together with the beat rate and the mismatched row.",
-    "beat_excess": "Beat consistency less what the same beats score against the speech at any other time: 0 is chance, "
-    "and more beats do not raise it.",
-    "beat_rate": "Motion beats a second.",
-    "synchrony": "Correlation of wrist speed with what the speech predicts; the mismatched row shows what is left when "
-    "motion and speech have nothing to do with each other.",
-    "motion_variance": "Variance of the joints over time; regression to the mean makes it small.",
-    "wrist_speed_left": "Mean speed of the wrist.",
-    "wrist_speed_right": "Mean speed of the wrist.",
-    "wrist_speed_spread": "Standard deviation of the wrists' speeds over time.",
-    "wrist_height_left": "Mean height of the wrist above the pelvis.",
-    "wrist_height_right": "Mean height of the wrist above the pelvis.",
-    "wrist_height_spread": "Standard deviation of the wrists' heights over time.",
-    "wrist_asymmetry": "Mean difference of the wrists' heights.",
-    "speed_hellinger": "Distance between the histograms of joint speeds, 0 (equal) to 1.",
-    "acceleration": "Mean size of the joints' acceleration.",
-    "jerk": "Mean size of the change of acceleration; jitter makes it large, over-smoothing small.",
-}
 
 
 def write_report(
@@ -120,7 +97,7 @@ def _evaluation(summaries):
               for subject in subjects]  # fmt: skip
     explained = "".join(
         f"<dt>{escape(METRICS[name].label)}</dt>"
-        f'<dd>{escape(MEANING.get(name, ""))} <span class="soft">{ARROWS[METRICS[name].better]}</span></dd>'
+        f'<dd>{escape(METRICS[name].about)} <span class="soft">{ARROWS[METRICS[name].better]}</span></dd>'
         for name in metrics
     )
     return f"""<p>Shaded rows are no models: recorded motion, recorded motion under other speech, and a pose that never
@@ -161,7 +138,7 @@ def _table(lines, metrics, names=ROWS):
     body = ""
     for line in lines:
         cells = [cell(line, name) for name in metrics]
-        values = "".join(f"<td{' class=none' if text == 'n/a' else ''}>{escape(text)}</td>" for text in cells)
+        values = "".join(f"<td{' class=none' if text == ABSENT else ''}>{escape(text)}</td>" for text in cells)
         real = ' class="real"' if line.row in BASELINES else ""
         body += (f"<tr{real}><td>{escape(names.get(line.row, line.row))}</td><td>{line.runs}</td><td>{line.clips}</td>"
                  f"{values}</tr>\n")  # fmt: skip
@@ -297,7 +274,7 @@ def _number(text):
 
 
 def _or_none(value, form):
-    return form.format(value) if math.isfinite(value) else "n/a"
+    return form.format(value) if math.isfinite(value) else ABSENT
 
 
 def _clock(seconds):

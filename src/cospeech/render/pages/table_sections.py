@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cospeech.errors import CospeechError
 from cospeech.evaluation.result import BASELINES
-from cospeech.evaluation.tables import ABSENT, Summary, cell
+from cospeech.formats.result_table import ABSENT, plus_minus
 from cospeech.render.chart import line_chart
 
 ROWS = {"ground_truth": "ground truth", "mismatched": "mismatched ground truth", "mean_pose": "mean pose"}
@@ -78,7 +78,7 @@ def _shown(text, spread):
     mean = _number(text)
     if math.isnan(mean) or (mean.is_integer() and "." not in text and not spread):
         return ROWS.get(text, text)
-    return cell(Summary("", "", 1, 1, {"": mean}, {"": _number(spread)}), "")
+    return plus_minus(mean, _number(spread))
 
 
 def _number(text):
