@@ -262,7 +262,7 @@ class Clip:
             except KeyError as error:
                 raise CospeechError(f"{path}: no complete clip, something is missing: {error.args[0]!s}") from error
         if clip.extra.pop("skeleton", None) != UPPER55.name:
-            raise CospeechError(f"{path}: its skeleton is not {UPPER55.name}; convert it first (docs/formats.md)")
+            raise CospeechError(f"{path}: its skeleton is not {UPPER55.name}; convert it first (docs/clip.md)")
         return clip.validate(Path(path))
 
     @classmethod

@@ -65,7 +65,7 @@ def arm_angles(motion):
 
 
 def test_a_ramp_of_a_minute_is_heard_where_it_is():
-    """The public code reads the spectrogram 14.6 times too slowly at 60 s (reference section 11, bug 1)."""
+    """The public code reads the spectrogram 14.6 times too slowly at 60 s: it takes its bins for its columns."""
     samples = np.arange(60 * RATE, dtype=np.float32) / (60 * RATE)
     where = np.rint(FRAME / 15 * RATE).astype(int)
     ramp = generator(lambda wave, seed: wave[:, where], "wave", "seed")

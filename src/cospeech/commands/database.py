@@ -16,7 +16,7 @@ def add(commands):
 
 
 def _info(options):
-    """Print a database's size, takes and control signals with their percentiles."""
+    """Print a database's size, as thesis Table 5.1 does, its takes, and control signals with their percentiles."""
     from cospeech.matching import Database
 
     database = Database.load(options.database)

@@ -69,7 +69,7 @@ def _judgement(row, run, group):
 
 
 def write_judged(path, judgements, rows=None, columns=None, heading="row"):
-    """A CSV: a line for each row, its number of runs, and two columns a metric: mean over runs, and deviation.
+    """HA2G's Tables 1, 3 and 4 as CSV: a line for each row, its number of runs, two columns a metric: mean, deviation.
 
     The deviation of one run is its own (diversity: over draws), that of several is over their values. `rows`: {name:
     label} of the lines, in their order; names without a judgement are left out; None: all. `columns`: metrics; None:

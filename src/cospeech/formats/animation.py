@@ -27,7 +27,7 @@ class Animation:
         return len(self.rotations)
 
     def forward_kinematics(self):
-        """World positions (T, J, 3) metres and world rotations (T, J, 4) x y z w."""
+        """World positions (T, J, 3) metres and world rotations (T, J, 4) x y z w (thesis eq. 2.1, 2.2 and 2.3)."""
         frames, joints = self.rotations.shape[:2]
         positions, rotations = np.zeros((frames, joints, 3)), np.zeros((frames, joints, 4))
         for joint, parent in enumerate(self.parents):

@@ -31,8 +31,8 @@ class Widths:
         )
 
 
-# The publications do not print their widths (reference section 3.1): `resync` are those of the authors' later refiner,
-# `ls3dcg` a re-implementation's, `unet` those of the network that the text cites as its base.
+# The publications do not print their widths (IVA 2021 has them in figure S3 alone): `resync` are those of the authors'
+# later refiner, `ls3dcg` a re-implementation's, `unet` those of the network that the text cites as its base.
 PRESETS = {
     "resync": Widths((128, 256, 256, 512), (256, 256, 256), (512, 256, 128)),
     "ls3dcg": Widths((128, 256, 512, 1024), (512, 256, 128), (256, 512, 1024)),

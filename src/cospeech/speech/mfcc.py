@@ -45,7 +45,7 @@ def windows(samples, starts):
 
 
 def cepstra(emphasized):
-    """(M, 13) coefficients of pre-emphasized windows (M, 410)."""
+    """(M, 13) coefficients of pre-emphasized windows (M, 410): thesis eq. 2.5 and 2.6, without 1/N."""
     spectrum = np.fft.rfft(emphasized * np.hamming(WINDOW), FFT)
     power = spectrum.real**2 + spectrum.imag**2
     return np.log(power @ mel_filters() + FLOOR) @ legacy_transform()
@@ -53,7 +53,7 @@ def cepstra(emphasized):
 
 @cache
 def mel_filters():
-    """(257, 40) triangles of unit area in Hz, their corners rounded to bins of the FFT."""
+    """(257, 40) triangles of unit area in Hz, even in mel (thesis eq. 2.7), corners rounded to bins of the FFT."""
     mel = 2595 * np.log10(1 + np.array([LOWEST, HIGHEST]) / 700)
     corners = 700 * (10 ** (np.linspace(*mel, FILTERS + 2) / 2595) - 1)
     width = RATE / FFT

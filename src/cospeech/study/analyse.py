@@ -106,7 +106,11 @@ def _judge_pairs(study, counted, left, seed):
 
 
 def write_results(folder, results):
-    """Write answers.csv, table.csv, comparisons.csv, left_out.csv, study.h5, one PNG a question and results.html."""
+    """Write answers.csv, table.csv, comparisons.csv, left_out.csv, study.h5, one PNG a question and results.html.
+
+    `table.csv` is the counterpart of what people said in the thesis (Tables 4.1, 4.2, 5.2 and 5.4), in IVA 2021
+    (Tables 1 and 2) and in HA2G (Table 2).
+    """
     from cospeech.study.page import write_page
     from cospeech.study.plots import plot_question
 

@@ -1,6 +1,6 @@
 """The feature network of FGD and diversity: a convolutional autoencoder of 34-frame windows of one speaker.
 
-Layers as in TED Expressive's network (HA2G; reference section 9) with the printed slope of 0.2, which released code
+Layers as in TED Expressive's network (HA2G appendix B, Table 9) with the printed slope of 0.2, which released code
 misses; trained on the training part only, for a fixed number of iterations, so that no test motion and no test score
 has a say in the ruler. A window is seen as unit bone directions: who has longer arms is not farther away.
 """
@@ -43,7 +43,7 @@ def _layer(layer, width, slope=0.2):
 
 
 class AutoEncoder(nn.Module):
-    """(B, 34, C) -> latent (B, L) -> (B, 34, C). `slope`: of the dense layers' activation below zero."""
+    """HA2G Table 9: (B, 34, C) -> latent (B, L) -> (B, 34, C). `slope`: of the dense layers' activation below zero."""
 
     def __init__(self, latent=32, channels=CHANNELS, slope=0.2):
         super().__init__()

@@ -125,7 +125,7 @@ def _errors(made, truth, face):
 
 
 def write_lips(path, judged):
-    """results/tables/table_4_3.csv from a list of LipErrors: one line a subject and row.
+    """Table 4.3 (IVA 2021 Table 3), as CSV from a list of LipErrors: one line a subject and row.
 
     `share of random` is the error over that of the row `random`.
     """

@@ -207,7 +207,7 @@ def write_judgement(path, subject, frames, accuracy, scores, seed=0):
 
 
 def write_accuracies(path, judgements):
-    """Table 4.4 as CSV from files of `write_judgement`, one line a subject and window length.
+    """Table 4.4 (IVA 2021 Table S1) as CSV from files of `write_judgement`, a line a subject and window length.
 
     Accuracies, and each row's share in sync, are means over the classifiers' seeds, in percent, with their sample
     deviations.

@@ -22,7 +22,7 @@ ADVERSARIES = {"none": (), "audio_pose": ("features", "body", "hands"), "pose": 
 
 @dataclass(frozen=True)
 class Settings:
-    """Of one training; the defaults are the published ones (reference section 3.2).
+    """Of one training; the defaults are the published ones (thesis section 4.4.2).
 
     weights: of the loss terms. They balance un-normalised metres, with every term a mean over its elements: summed over
     time and channels the adversarial term would be a thousandth of the others, against the text's "equally weighted".
@@ -65,7 +65,7 @@ class GestureNetwork(MotionNetwork):
 
 
 def reconstruction_losses(predicted, real):
-    """Eq. 4.2's terms, unweighted: face, mean unsquared L2 norm per frame; body and hands, mean L1.
+    """The terms of eq. 4.1 (IVA 2021 eq. 1), unweighted: face, mean unsquared L2 norm per frame; body, hands, mean L1.
 
     predicted, real {part: (B, C, T)} -> {part: scalar}.
     """
@@ -137,7 +137,7 @@ class GestureTask:
             return self.modules["discriminator"](seen).float()
 
     def _update_discriminator(self, real, predicted):
-        """Maximise log D(real) + log(1 - D(fake)) (eq. 4.3; its printed min and max are swapped)."""
+        """Maximise log D(real) + log(1 - D(fake)): eq. 4.2 (IVA 2021 eq. 2)."""
         true = self._seen(real["features"], real).requires_grad_(self.settings.r1 > 0)
         fake = self._seen(real["features"], {part: x.detach() for part, x in predicted.items()})
         logits = self._logits(true)
@@ -150,6 +150,7 @@ class GestureTask:
         return loss.detach()
 
     def _update_generator(self, real, predicted):
+        """Eq. 4.3 (IVA 2021 eq. 3), whose min and max are swapped in print; log(1 - D) in its non-saturating form."""
         terms = reconstruction_losses(predicted, real)
         if self.judged:
             terms["adversarial"] = F.softplus(-self._logits(self._seen(real["features"], predicted))).mean()

@@ -26,7 +26,7 @@ QUANTILES = (15, 50, 85)  # percentiles of it that are kept as targets
 
 @dataclass(frozen=True)
 class Settings:
-    """Of one training; sizes are those the thesis found best (H = 800, K = 10), the rest StyleGestures' (reference 8).
+    """Of one training; sizes are those the thesis found best (H = 800, K = 10; section 4.5.1), the rest StyleGestures'.
 
     hidden, flows : H and K. history : poses before a frame. look_ahead : frames of speech after it. pose_dropout :
     share of frames that do not see their past. warm_up : iterations until the full learning rate, which then falls with

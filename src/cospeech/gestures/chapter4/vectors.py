@@ -1,4 +1,4 @@
-"""The published split of a motion into the vectors that the chapter 4 networks predict (reference section 1.3).
+"""The published split of a motion into the vectors that the chapter 4 networks predict (thesis section 4.3.1).
 
 body 42 = 13 joints x 3 (pelvis-relative) + head rotation 3; hands 126 = 2 x 21 x 3, relative to their wrists as the
 hand tracker gave them; face E = expression coefficients.

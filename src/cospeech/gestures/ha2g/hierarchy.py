@@ -1,6 +1,6 @@
 """HA2G (Liu et al. 2022): three levels of audio, blended by a speaker's style, drive a cascade of pose levels.
 
-The preset `paper` is the publication's text, `released` its public code; they differ as reference section 7 lists.
+The preset `paper` is the publication's text, `released` its public code; docs/ha2g_models.md lists where they differ.
 Words teach the audio encoder (eq. 2) and, in `released` alone, are heard when generating.
 """
 
@@ -99,7 +99,7 @@ def published(preset, table):
 
 
 class HA2G(nn.Module):
-    """Speech and four seed poses -> poses (N, 34, 3V): unit bone vectors minus the training mean."""
+    """Eq. 1: speech and four seed poses -> poses (N, 34, 3V), unit bone vectors minus the training mean."""
 
     def __init__(self, corpus, settings):
         super().__init__()
@@ -181,6 +181,7 @@ class HA2GTask(AdversarialTask):
         return super().description | ({} if pictures is None else {"picture": pictures.shape[1]})
 
     def reconstruct(self, batch):
+        """Whole poses (N, T, C) and the terms of eq. 9, unweighted, but for the adversarial one."""
         network, weights = self.generator, self.settings.weights
         features = network.audio(batch["mel"])
         mean, log_variance = network.style(batch["speaker"])

@@ -19,7 +19,7 @@ def judge(real, made):
 
 
 def fool(made):
-    """What the generator lowers: the non-saturating -log D(made)."""
+    """What the generator lowers (eq. 6): the non-saturating -log D(made)."""
     return -torch.log(made.sigmoid() + EPSILON).mean()
 
 
@@ -60,7 +60,7 @@ def included_angles(vectors, table):
 
 
 def physical(angles, mean, variance):
-    """Eq. 8: minus the log-likelihood of the angles (N, T, P) under a Gaussian each, without its constant.
+    """Eq. 8, again printed as eq. 12: minus the log-likelihood of angles (N, T, P) under a Gaussian each, no constant.
 
     Means over windows and frames, summed over the pairs.
     """

@@ -103,6 +103,7 @@ class AdversarialTask(WindowTask, ABC):
         """What the discriminator shall judge, (N, T, C), and the other loss terms, unweighted."""
 
     def iterate(self, step, rng):
+        """One update of each network: the discriminator's, and that of HA2G's eq. 9, the weighted sum of all terms."""
         batch, settings = self.batch(rng), self.settings
         poses, terms = self.reconstruct(batch)
         losses = {}

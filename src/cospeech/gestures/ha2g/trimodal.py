@@ -1,6 +1,6 @@
 """Trimodal (Yoon et al. 2020): words, wave and speaker drive one bidirectional GRU, with a discriminator of poses.
 
-It is the cascade of `hierarchical_pose_inferer` with one level, other ears and other weights (reference section 8).
+It is the cascade of `hierarchical_pose_inferer` with one level, other ears and other weights (Yoon et al. 2020).
 """
 
 from dataclasses import dataclass, field

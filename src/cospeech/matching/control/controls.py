@@ -1,4 +1,4 @@
-"""Controls (thesis 5.3.1.4): where and how the hands shall move, said as masks over the database that change in time.
+"""Controls (thesis 5.3.2.1): where and how the hands shall move, said as masks over the database that change in time.
 
 A control is a text such as `left_wrist_height=high@2.0-5.5`; see `docs/control.md` for all of its forms. Its bounds are
 tested on signals of the database's own frames, and only windows that pass are searched.

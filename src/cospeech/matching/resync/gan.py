@@ -31,7 +31,7 @@ BALANCE_FROM, BALANCE_EVERY = 10_000, 1000  # iterations of the released code's 
 
 @dataclass(frozen=True)
 class Settings:
-    """Of one training; the defaults are the published ones (reference section 5).
+    """Of one training; the defaults are those of thesis section 5.3.3 or, where it is silent, of its public code.
 
     preset : `published` (the thesis) or `released` (the public code): what the keys that are left out are.
     layers : `published` (ReLU, max pooling, 7 convolutions up and a head) or `released` (leaky ReLU, average pooling, 6

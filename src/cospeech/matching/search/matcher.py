@@ -47,7 +47,7 @@ class Matcher:
         self, features, k=1, mask=None, initial="mean", seed=0, variant="pose", exclude_take=None, frames=None,
         placement=None,
     ):  # fmt: skip
-        """Gestures for one speech: (T, 28) features -> Match of W = ceil(T / 8) windows.
+        """Algorithm 1 for one speech: (T, 28) features -> Match of W = ceil(T / 8) windows.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ TITLES = {
 
 
 def write_ablation(path, evaluations, domain="wild", protocol="globally scaled"):
-    """Write the table as CSV: a line a row, mean and deviation over seeds of each metric.
+    """Write Table 3.6 as CSV: a line a row, mean and deviation over seeds of each metric.
 
     evaluations : {row of TITLES: [paths of evaluation.h5, one a seed]}. The deviation is of the sample, n/a for one.
     """

@@ -140,7 +140,7 @@ def activity_table(pred, truth, activity, how="none"):
 
 
 def scene_table(pred, truth, sequence):
-    """Table 3.1: {protocol: {"GS", "No GS", "Outdoor", "All": PCK, "AUC", "MPJPE": of all}} of (N, 17, 3) poses.
+    """Tables 3.1 and 3.4: {protocol: {"GS", "No GS", "Outdoor", "All": PCK, "AUC", "MPJPE": of all}} of (N, 17, 3).
 
     sequence (N,) : 1 to 6 for TS1 to TS6. Every pose counts once, which weights scenes by their valid frames; a scene
     without poses is NaN. Pass the poses of TS1, 2, 5 and 6 alone for Table 3.7. MPJPE is over all 17 joints.

@@ -20,7 +20,10 @@ def heatmap_loss(pred, truth, mask=None):
 
 
 def pose_loss(pred, truth, mask=None):
-    """Equation 3.4: squared distance of 3D joints. pred, truth (B, J, 3); mask (B,) or (B, J) -> scalar."""
+    """Equation 3.4, and eq. 3.1 of the baseline: squared distance of 3D joints.
+
+    pred, truth (B, J, 3); mask (B,) or (B, J) -> scalar.
+    """
     return _mean_of_sums(pred, truth, mask)
 
 

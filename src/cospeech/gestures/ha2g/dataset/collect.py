@@ -28,7 +28,7 @@ class Take:
 
 
 def collect(takes, levels="expressive43", *, filters=None, embeddings=None, references=None, least=1, seed=0):
-    """The `Corpus` of {speaker: [Take]}, all of the training part.
+    """The `Corpus` of {speaker: [Take]}, all of the training part; `counts` is its form of HA2G's Table 5.
 
     Parameters
     ----------

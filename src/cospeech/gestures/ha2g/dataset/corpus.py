@@ -126,7 +126,10 @@ class Corpus:
         return self.arrays[name]
 
     def angle_statistics(self):
-        """Mean and variance (P,), (P,) of the table's included angles over valid frames, in units of pi and of pi^2."""
+        """Mean and variance (P,), (P,) of the table's included angles over valid frames, as in HA2G's Table 10.
+
+        In units of pi and of pi^2.
+        """
         angles = included_angles(self._array("vectors")[self._array("valid")], self.levels)
         return angles.mean(axis=0), angles.var(axis=0)
 

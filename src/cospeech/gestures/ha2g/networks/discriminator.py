@@ -9,7 +9,7 @@ UNPADDED = 6  # frames that its three convolutions eat
 
 
 class Discriminator(nn.Module):
-    """Poses (N, T, C) -> scores (N,); their sigmoid, which is in the losses, is the probability of being real.
+    """Table 8: poses (N, T, C) -> scores (N,); their sigmoid, which is in the losses, is the probability of being real.
 
     slope : of LeakyReLU, 0.2 in the paper and torch's default 0.01 in the released code.
     """

@@ -71,7 +71,9 @@ class Tap(nn.Module):
 
 
 class SpectrogramEncoder(nn.Module):
-    """ResNetSE34 with three taps: log-mel (N, 128, 70) in dB -> low, mid and high features, (N, 3, 34, 32).
+    """HA2G's hierarchical audio learner, a ResNetSE34 with three taps.
+
+    Log-mel (N, 128, 70) in dB -> low, mid and high features, (N, 3, 34, 32).
 
     blocks : residual blocks per stage, (3, 4, 6, 3) as published. width : factor on the number of channels.
     """

@@ -45,7 +45,9 @@ def inferred_levels(table, hierarchy="full"):
 
 
 class Cascade(nn.Module):
-    """Seed poses and conditions -> the poses of every level, coarse to fine; the last is the whole pose.
+    """Hierarchical pose inferer (eq. 4): seed poses and conditions -> the poses of every level, coarse to fine.
+
+    The last level is the whole pose.
 
     levels : list of the pose channels of every level, ascending, each containing those before it
         (`LevelTable.channels`); one level alone is the holistic generator.
