@@ -13,7 +13,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
 .DEFAULT_GOAL := help
-.PHONY: help run env test lint bench pins clean
+.PHONY: help run env test lint bench measured pins clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z]*\):.*##/make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -33,8 +33,13 @@ lint: env  ## ruff, snakefmt, snakemake --lint and the house's figures
 	snakemake --lint
 	python tools/house.py
 
-bench: env  ## the benchmarks beside each hot path
-	@set -e; for script in benchmarks/bench_*.py; do echo "== $$script"; python $$script; done
+bench: env  ## the benchmarks beside each hot path; what they print is kept in results/measured/
+	@mkdir -p results/measured
+	@set -e; for script in benchmarks/bench_*.py; do echo "== $$script"; kept=results/measured/$$(basename $$script .py).txt; \
+		python $$script > $$kept || { cat $$kept; exit 1; }; cat $$kept; done
+
+measured: env  ## put the tables of results/ into docs/measured/
+	python tools/measured.py
 
 clean:  ## remove caches; results/, .snakemake/ and .venv stay
 	rm -rf .pytest_cache .ruff_cache .hypothesis build dist

@@ -24,11 +24,7 @@ def table_section(path, about="", curve=None):
     `subject` makes one table for each subject. `about` stands above: plain text with `code` and *emphasis*. `curve`
     names the column over which the other numbers are drawn as lines instead, one for each combination of texts.
     """
-    with open(path, newline="", encoding="utf-8") as file:
-        head, *rows = list(csv.reader(file)) or [[]]
-    wrong = next((number for number, row in enumerate(rows, 2) if len(row) != len(head)), None)
-    if wrong:
-        raise CospeechError(f"{path}: line {wrong} has {len(rows[wrong - 2])} cells for {len(head)} headings")
+    head, rows = _read(path)
     if not rows:
         return ""
     if curve is not None and curve not in head:
@@ -36,6 +32,45 @@ def table_section(path, about="", curve=None):
     text = re.sub(r"\*(.+?)\*", r"<i>\1</i>", re.sub(r"`(.+?)`", r"<code>\1</code>", escape(about.strip())))
     body = _curves(Path(path).stem, head, rows, curve) if curve is not None else _tables(head, rows)
     return (f"<p>{text}</p>" if text else "") + body
+
+
+def text_tables(path, names=None):
+    """Markdown of the same tables with the same cells, for a document.
+
+    names : the columns to show besides the first ones that hold text, without their units; None shows all.
+    CospeechError if there is no such column.
+    """
+    head, rows = _read(path)
+    columns = [column for column in _columns(head) if head[column[2]] not in NOTES]
+    missing = set(names or ()) - {name for name, *_ in columns}
+    if missing:
+        raise CospeechError(f"{path}: no column {min(missing)!r}; it has {', '.join(name for name, *_ in columns)}")
+    label = "subject" if head[0] == "subject" else None
+    if names:
+        texts = [column for column in columns if all(math.isnan(_number(row[column[2]])) for row in rows)]
+        columns = [column for column in columns if column[0] in names or (column in texts and column[0] != label)]
+    columns = [column for column in columns if column[0] != label]
+    groups = {} if label else {"": rows}
+    for row in rows if label else ():
+        groups.setdefault(row[0], []).append(row)
+    return "\n\n".join(_text_table(name, columns, lines) for name, lines in groups.items())
+
+
+def _text_table(title, columns, rows):
+    heads = [name.replace("_", " ") + (f", {unit}" if unit else "") for name, unit, *_ in columns]
+    lines = [[_shown(row[i], "" if spread is None else row[spread]) for _, _, i, spread in columns] for row in rows]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in [heads, ["---"] * len(heads), *lines])
+    return f"**{title}**\n\n{table}" if title else table
+
+
+def _read(path):
+    """(heading, lines) of a CSV file whose lines all have as many cells."""
+    with open(path, newline="", encoding="utf-8") as file:
+        head, *rows = list(csv.reader(file)) or [[]]
+    wrong = next((number for number, row in enumerate(rows, 2) if len(row) != len(head)), None)
+    if wrong:
+        raise CospeechError(f"{path}: line {wrong} has {len(rows[wrong - 2])} cells for {len(head)} headings")
+    return head, rows
 
 
 def _tables(head, rows):
