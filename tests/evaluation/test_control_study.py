@@ -16,10 +16,10 @@ from cospeech.evaluation.result import Evaluation
 from cospeech.evaluation.tables import write_csv as write_table
 from cospeech.evaluation.variants import METRICS, VARIANTS, evaluate_variants, ordered
 from cospeech.matching import KNN, Database
+from cospeech.matching.control.controlled_sampler import ControlledSampler
 from cospeech.matching.control.signals import LEFT
 from cospeech.render.curves import plot_control
 from cospeech.render.pages.control_section import control_section
-from cospeech.synthesis import ControlledSampler
 
 HIGH, SLOW = ("left_wrist_height", "high"), ("left_wrist_speed", "slow")
 

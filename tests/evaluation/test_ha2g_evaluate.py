@@ -17,8 +17,8 @@ from cospeech.evaluation.ha2g_result import (
     write_judged,
     write_judgements,
 )  # fmt: skip
+from cospeech.evaluation.metrics import gesture_metrics as metrics
 from cospeech.evaluation.metrics.expressive import Settings, clip_vectors, train_ruler
-from cospeech.evaluation.metrics.gesture_metrics import gesture_metrics as metrics
 
 
 @pytest.fixture(scope="module")
