@@ -14,6 +14,7 @@ from jsonschema.exceptions import best_match
 from video_takes import film_takes
 
 from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.gestures.generator import find, named
 from cospeech.split import PARTS, split_clips
 
 DEFAULT = Path("config/config.yaml")
@@ -212,7 +213,7 @@ def _check_synthesis(config, subjects, label):
             raise CospeechError(f"{where}: subject {entry['subject']!r} is not one of {', '.join(subjects)}")
         if entry["model"] not in config["models"]:
             raise CospeechError(f"{where}: model {entry['model']!r} is not one of {', '.join(config['models'])}")
-        if "k" in entry and entry["model"] not in ("knn", "knn_published", "resync"):
+        if "k" in entry and "k" not in find(entry["model"]).options:
             raise CospeechError(f"{where}: k chooses among matches, which {entry['model']} has none of; leave it out")
         named = {key: entry[key] for key in ("audio", "words", "gestures") if key in entry}
         named |= {f"replace[{i}].clip": one["clip"] for i, one in enumerate(entry.get("replace", []))}
@@ -298,9 +299,21 @@ def read_yaml(path):
     return content
 
 
+def schema_of(name):
+    """schemas/<name>.schema.yaml; where the configuration lists models they are those of the library."""
+    schema = read_yaml(SCHEMAS / f"{name}.schema.yaml")
+    if name == "config":
+        chosen = [model for model in named(learns="speaker") if model != "mean_pose"]  # that is a row of every table
+        schema["properties"]["models"]["items"] = {"enum": chosen}
+        schema["properties"]["ensemble"]["properties"]["models"]["items"] = {"enum": named(learns="speakers")}
+        for option in schema["properties"]["synthesis"]["items"]["dependentSchemas"].values():
+            option["properties"]["model"] = {"enum": named(needs="database")}
+    return schema
+
+
 def check(content, schema, where):
     """CospeechError with one line on the worst mistake, unless `content` fits schemas/<schema>.schema.yaml."""
-    validator = Draft202012Validator(read_yaml(SCHEMAS / f"{schema}.schema.yaml"))
+    validator = Draft202012Validator(schema_of(schema))
     error = best_match(validator.iter_errors(content))
     if error:
         raise CospeechError(f"{where}: {_line(error)}")

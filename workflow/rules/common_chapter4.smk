@@ -1,21 +1,7 @@
 # What the rows of the tables of thesis chapter 4 are, and the input functions of their rules (chapter4.smk).
 
-# Table: its rows, each a model or a variant of one, and what this table calls them.
-COMPARISONS = {
-    "generators": {row: row for row in ("regression", "lstm", "velocity_gan", "gesture_gan", "moglow")},
-    "ablation": {
-        "regression": "no adversary",
-        "pose_gan": "adversary on pose",
-        "velocity_gan": "adversary on velocity",
-        "gesture_gan": "adversary on audio and pose",
-    },
-    "window_length": {
-        "window16": "16 frames",
-        "window32": "32 frames",
-        "gesture_gan": "64 frames",
-        "window128": "128 frames",
-    },
-}
+from cospeech.gestures.generator import COMPARISONS
+
 SEEDED = list(dict.fromkeys(row for rows in COMPARISONS.values() for row in rows))
 
 

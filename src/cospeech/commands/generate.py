@@ -5,6 +5,7 @@ from pathlib import Path
 
 from cospeech.commands.results import configuration, subject_folder
 from cospeech.errors import CospeechError
+from cospeech.gestures.generator import MODELS, find
 
 
 def add(commands):
@@ -15,8 +16,7 @@ def add(commands):
     )  # fmt: skip
     option = generate.add_argument
     option("--subject", metavar="NAME", help="whose gestures: a subject that the workflow has trained")
-    option("--model", metavar="MODEL", help="regression, gesture_gan, velocity_gan, lstm, moglow, knn, "
-        "resync... (docs/models.md)")  # fmt: skip
+    option("--model", metavar="MODEL", help=f"{', '.join(MODELS)} (docs/models.md)")
     option("--audio", metavar="FILE", help="speech: any sound file, or a film with sound")
     option("--out", metavar="FILE", help="file to write: .bvh .glb .csv .h5 or .mp4")
     option("--config", metavar="FILE", help="configuration that names results_dir and fps")
@@ -80,7 +80,7 @@ def _results(options):
 
 def _generate(options):
     """Generate motion for a speech with a trained model, and write it in the format that the suffix of --out names."""
-    from cospeech.gestures.generator import Speech, find
+    from cospeech.gestures.generator import Speech
     from cospeech.synthesis import load, synthesize
 
     for name in ("subject", "model", "audio", "out"):

@@ -18,7 +18,7 @@ from cospeech.evaluation.tables import SCHEMA, summarise
 from cospeech.files import reading_hdf5
 from cospeech.formats.result_table import mean_and_deviation, write_table
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
-from cospeech.gestures.generator import find
+from cospeech.gestures.generator import smoothing_of
 from cospeech.synthesis import finished
 
 COLUMNS = (
@@ -32,7 +32,7 @@ def clips_of(generator, truth, row, seed=0):
     """What a generator makes for the speech of {clip id: Clip}, smoothed as `synthesize` does: {clip id: Clip}."""
     made = {}
     for name, clip in truth.items():
-        sigma = find(row).smoothing
+        sigma = smoothing_of(row)
         motion = finished(generator.generate(clip.features, seed=seed), sigma)
         made[name] = replace(
             clip, positions=motion.positions.astype(np.float32), rotation=motion.rotation,

@@ -11,7 +11,7 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.files import put, reading_hdf5, writing_hdf5
 from cospeech.formats.result_table import mean_and_deviation, write_table
-from cospeech.gestures.generator import find
+from cospeech.gestures.generator import smoothing_of
 from cospeech.matching.control.controls import Wanted
 from cospeech.matching.control.signals import SIGNALS
 from cospeech.synthesis import finished
@@ -107,7 +107,7 @@ def study_controls(subject, generators, clips, seed=0):
 
 def _motion(generator, model, clip, seed, controls):
     motion = generator.generate(clip.features, seed=seed, controls=controls)
-    return finished(motion, find(model).smoothing).positions
+    return finished(motion, smoothing_of(model)).positions
 
 
 @dataclass(frozen=True)

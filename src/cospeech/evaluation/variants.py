@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from cospeech.evaluation import columns
 from cospeech.evaluation.result import BASELINES
+from cospeech.gestures.generator import MODELS, named
 
 # Row: options of `KNN.generate`. The first two are the thesis's; then its two other choices, turned.
 VARIANTS = {
@@ -12,23 +13,21 @@ VARIANTS = {
     "knn_mean_pose": {"initial": "mean"},
     "knn_fifth": {"k": 5},
 }
-LABELS = {
-    "ground_truth": "Ground truth",
-    "mismatched": "Mismatched audio-gesture",
-    "mean_pose": "Mean pose",
-    "regression": "Direct regression",
-    "lstm": "LSTM",
-    "velocity_gan": "Velocity adversarial",
-    "gesture_gan": "Habibie et al. 2021",
-    "moglow": "MoGlow",
-    "knn_pose_only": "k-NN, pose only",
-    "knn_audio": "k-NN, audio pre-selected",
-    "knn_published": "k-NN, pose pre-selected",
-    "knn_mean_pose": "k-NN, from the mean pose",
-    "knn_fifth": "k-NN, fifth best (k = 5)",
-    "knn": "k-NN, seams inertialised",
-    "resync": "k-NN + cGAN",
-}
+SEARCHING = named(needs="database")
+# Every row's name in tables, in the order of Table 5.4: what needs no model, other models, the search's variants.
+LABELS = (
+    {"ground_truth": "Ground truth", "mismatched": "Mismatched audio-gesture", "mean_pose": "Mean pose"}
+    | {name: MODELS[name].label for name in named(learns="speaker") if name not in SEARCHING}
+    | {
+        "knn_pose_only": "k-NN, pose only",
+        "knn_audio": "k-NN, audio pre-selected",
+        "knn_published": MODELS["knn_published"].label,
+        "knn": MODELS["knn"].label,
+        "knn_mean_pose": "k-NN, from the mean pose",
+        "knn_fifth": "k-NN, fifth best (k = 5)",
+    }
+    | {name: MODELS[name].label for name in SEARCHING}
+)
 METRICS = (
     columns.FGD, columns.FGD_TRAIN, columns.MOTION_VARIANCE, columns.BEAT_CONSISTENCY, columns.BEAT_EXCESS,
     columns.BEAT_RATE, columns.SYNCHRONY,

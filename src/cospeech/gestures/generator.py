@@ -176,23 +176,23 @@ MODELS = {
         defaults={"adversary": "none"},
         **CHAPTER4,
     ),
-    "gesture_gan": Model(
-        "Habibie et al. 2021",
-        "chapter 4: a speech encoder, three decoders, and a discriminator on speech and pose",
-        source="IVA 2021, thesis section 4.4",
-        **CHAPTER4,
-    ),
-    "velocity_gan": Model(
-        "Velocity adversarial",
-        "the same with a discriminator on velocities",
-        source="thesis section 4.5, after Ginosar et al. 2019",
-        defaults={"adversary": "velocity"},
-        **CHAPTER4,
-    ),
     "lstm": Model(
         "LSTM",
         "an LSTM each for face, body and hands",
         source="thesis section 4.5, after Shlizerman et al. 2018",
+        **CHAPTER4,
+    ),
+    "velocity_gan": Model(
+        "Velocity adversarial",
+        "chapter 4's network with a discriminator on velocities",
+        source="thesis section 4.5, after Ginosar et al. 2019",
+        defaults={"adversary": "velocity"},
+        **CHAPTER4,
+    ),
+    "gesture_gan": Model(
+        "Habibie et al. 2021",
+        "chapter 4: a speech encoder, three decoders, and a discriminator on speech and pose",
+        source="IVA 2021, thesis section 4.4",
         **CHAPTER4,
     ),
     "moglow": Model("MoGlow", "a normalising flow, which draws motion at random", **MOGLOW),
@@ -274,6 +274,24 @@ VARIANTS = {
 }
 
 
+# Tables of chapter 4 over several seeds: their rows, and what they call them.
+COMPARISONS = {
+    "generators": {row: row for row in ("regression", "lstm", "velocity_gan", "gesture_gan", "moglow")},
+    "ablation": {
+        "regression": "no adversary",
+        "pose_gan": "adversary on pose",
+        "velocity_gan": "adversary on velocity",
+        "gesture_gan": "adversary on audio and pose",
+    },
+    "window_length": {
+        "window16": "16 frames",
+        "window32": "32 frames",
+        "gesture_gan": "64 frames",
+        "window128": "128 frames",
+    },
+}
+
+
 def named(*, learns=None, trained=None, needs=None):
     """Names in `MODELS`, in order: of those that learn so, that are trained or not, that need this."""
     return [
@@ -290,6 +308,11 @@ def find(name):
         if known in MODELS or known in VARIANTS:
             return MODELS.get(known) or VARIANTS[known]
     raise CospeechError(f"model {name!r} is not known; known: {', '.join(MODELS)}")
+
+
+def smoothing_of(row):
+    """sigma in frames of the Gaussian over a model's motion; of a network that has no entry, the published one."""
+    return MODELS[row].smoothing if row in MODELS else SMOOTHING
 
 
 def section_of(name):

@@ -1,7 +1,7 @@
 """Chapter 4: one speech encoder, three decoders (face, body and head, hands), a discriminator on audio and pose.
 
 Habibie et al. 2021 ("IVA 2021") section 4, thesis section 4.4. Two of the baselines of thesis section 4.5 are this
-network with another `adversary`: `regression` has none, and that of `velocity_gan` judges how fast the motion is.
+network with another `adversary`: none, or one that judges how fast the motion is.
 """
 
 from dataclasses import asdict, dataclass, field
