@@ -1,14 +1,17 @@
 """Documents: links lead somewhere, and measured tables are those of the files that they name."""
 
-import importlib
+import importlib.util
 import inspect
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from cospeech.errors import CospeechError
+from cospeech.matching.search.similarity import Settings
 from tests.test_house import ORDER
 
 ROOT = Path(__file__).parent.parent
@@ -136,6 +139,26 @@ def test_a_column_that_the_file_lacks_is_one_line(run):
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "no column 'fdg'" in done.stderr
     assert "typed" in page.read_text()
+
+
+def test_the_moving_picture_is_made_by_its_tool_and_small(tmp_path):
+    """Its speech is the recorded take's, its face too, and what it writes is an animation as the one that is shown."""
+    spec = importlib.util.spec_from_file_location("moving_picture", ROOT / "tools" / "moving_picture.py")
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    tool.SECONDS = 10
+    recorded, generated = tool.clips(tmp_path, takes=2, settings=Settings(steps=2))
+    assert generated.frames == recorded.frames == 150
+    np.testing.assert_array_equal(generated.expression, recorded.expression)
+    np.testing.assert_array_equal(generated.features, recorded.features)
+    assert np.abs(generated.positions - recorded.positions).max() > 0.05
+    frames = [np.full((64, 64, 3), 80 * i, np.uint8) for i in range(3)]
+    tool.write_animation(tmp_path / "a.webp", frames, 15, 75)
+    for path in (tmp_path / "a.webp", ROOT / "docs" / "images" / "speaking.webp"):
+        assert b"ANIM" in path.read_bytes()[:100] and path.stat().st_size < tool.MOST_BYTES
+    noise = [np.random.default_rng(i).integers(0, 255, (900, 900, 3), np.uint8) for i in range(4)]
+    with pytest.raises(CospeechError, match="fewer --seconds"):
+        tool.write_animation(tmp_path / "b.webp", noise, 15, 100)
 
 
 # ---- the publications' numbers, collected from their texts

@@ -2,8 +2,8 @@
 
     python tools/moving_picture.py docs/images/speaking.webp
 
-Ten takes of one minute are the database; the speech is that of an eleventh. The search makes body, hands and head; both
-wear the recorded face. Everything is this project's own, so nobody's likeness is shown.
+Ten takes of one minute are the database; the speech is that of an eleventh. The search, as `knn` does it by default,
+makes body, hands and head; both wear the recorded face. Everything is this project's own: nobody's likeness is shown.
 """
 
 import argparse
@@ -17,13 +17,15 @@ import cv2
 
 from cospeech.demo import read_take, write_take
 from cospeech.errors import CospeechError
+from cospeech.files import writing
+from cospeech.gestures.generator import Speech
 from cospeech.matching import KNN, Database
+from cospeech.matching.knn import DEFAULTS
+from cospeech.matching.search.similarity import train_similarity
 from cospeech.render.video import render_video
-from cospeech.speech import load_audio
 from cospeech.synthesis import synthesize
 
 SPEAKER, TAKES, SECONDS, FPS = "lively", 10, 60, 15
-SEARCH = {"seams": "inertialize", "placement": "any_frame_continued"}
 MOST_BYTES = 1_500_000
 
 
@@ -31,9 +33,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path, help="the picture to write, .webp")
     parser.add_argument("--start", type=float, default=7.0, help="second of the take at which it begins")
-    parser.add_argument("--seconds", type=float, default=8.0, help="how long it lasts before it begins anew")
+    parser.add_argument("--seconds", type=float, default=6.0, help="how long it lasts before it begins anew")
     parser.add_argument("--size", type=int, nargs=2, default=(720, 360), help="width and height in pixels")
-    parser.add_argument("--quality", type=int, default=50, help="of WebP, 0 to 100")
+    parser.add_argument("--quality", type=int, default=75, help="of WebP, 0 to 100")
     arguments = parser.parse_args()
     with TemporaryDirectory() as folder:
         recorded, generated = clips(Path(folder))
@@ -48,15 +50,13 @@ def main():
     print(f"{arguments.out}: {arguments.out.stat().st_size / 1e6:.2f} MB")
 
 
-def clips(folder):
+def clips(folder, takes=TAKES, settings=None):
     """(recorded Clip, Clip generated for the same speech) of the take after those that the search may copy."""
-    takes = [take(folder, number) for number in range(TAKES + 1)]
-    recorded = takes[-1]
-    samples, rate = load_audio(folder / f"{recorded.clip}.wav")
-    generated = synthesize(
-        KNN(Database.from_clips(takes[:-1])), samples, rate, subject=SPEAKER, clip=recorded.clip, model="knn",
-        words=recorded.words, **SEARCH,
-    )  # fmt: skip
+    *known, recorded = [take(folder, number) for number in range(takes + 1)]
+    database = Database.from_clips(known)
+    knn = KNN(train_similarity(database, settings)[0].applied(database), **DEFAULTS)
+    speech = Speech.load(folder / f"{recorded.clip}.wav", FPS, recorded.words)
+    generated = synthesize(knn, speech, subject=SPEAKER, clip=recorded.clip, model="knn")
     return recorded, replace(generated, expression=recorded.expression, face_model=recorded.face_model)
 
 
@@ -82,7 +82,8 @@ def write_animation(path, frames, fps, quality):
         raise CospeechError(
             f"{path}: {len(buffer)} bytes, {MOST_BYTES} at most; ask for fewer --seconds or less --quality"
         )
-    path.write_bytes(bytes(buffer))
+    with writing(path) as temporary:
+        temporary.write_bytes(bytes(buffer))
 
 
 if __name__ == "__main__":
