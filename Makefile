@@ -13,7 +13,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
 .DEFAULT_GOAL := help
-.PHONY: help run env test lint bench measured pins clean
+.PHONY: help run env test lint config bench measured pins clean
 
 help:  ## say what there is
 	@sed -n 's/^\([a-z]*\):.*##/make \1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -32,6 +32,9 @@ lint: env  ## ruff, snakefmt, snakemake --lint and the house's figures
 	snakefmt --line-length 120 --check Snakefile workflow
 	snakemake --lint
 	python tools/house.py
+
+config: env  ## budget schema, paper.yaml and the documents' tables of keys, from the Settings in src/
+	python tools/config.py
 
 bench: env  ## the benchmarks beside each hot path; what they print is kept in results/measured/
 	@mkdir -p results/measured

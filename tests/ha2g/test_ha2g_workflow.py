@@ -89,10 +89,9 @@ def test_budget_sections_have_the_trainings_keys():
     budget = read_yaml(SCHEMAS / "budget.schema.yaml")
     sections = {"trimodal": trimodal, "seq2seq": seq2seq, "speech2gesture": speech2gesture,
                 "joint_embedding": joint_embedding}  # fmt: skip
-    known = {name: budget["properties"][name]["properties"] for name in sections} | {
-        "ha2g": budget["$defs"]["ha2g"]["properties"]
-    }
-    for name, module in (sections | {"ha2g": hierarchy}).items():
+    sections |= {"ha2g": hierarchy}
+    known = {name: budget["properties"][name]["properties"] for name in sections}
+    for name, module in sections.items():
         assert set(known[name]) == {field.name for field in fields(module.Settings)}, name
         if "weights" in known[name]:
             assert set(known[name]["weights"]["properties"]) == set(module.Settings().weights), name

@@ -11,6 +11,7 @@ from torch import nn
 from cospeech.errors import CospeechError
 
 MULTIPLE = 8  # three poolings by two
+WINDOW = {"minimum": MULTIPLE, "multipleOf": MULTIPLE}  # limits of a budget's length of windows
 HALO = (
     64  # frames on either side beyond which an output cannot see (receptive field 45, rounded up to the pooling grid)
 )

@@ -19,6 +19,7 @@ from cospeech.evaluation.metrics.fgd import FRAMES, AutoEncoder, FeatureNet, Rec
 from cospeech.files import sha256
 from cospeech.gestures.ha2g.dataset.bones import bone_vectors
 from cospeech.gestures.ha2g.dataset.levels import level_table
+from cospeech.learning.settings import COUNT, NATURAL, POSITIVE, Section, key
 from cospeech.learning.training import device, train
 from cospeech.learning.weights import load_weights
 from cospeech.learning.windows import Windows
@@ -41,16 +42,13 @@ SLOPES = {"": 0.2, "_compat": 1.0}
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of a ruler's training. Published for TED Expressive: 180 epochs, batch 64, a tenth of the rate every 30 epochs.
+class Settings(Section, section="ha2g_ruler"):
+    """Of a ruler's training. Published for TED Expressive: 180 epochs, a tenth of the rate every 30 epochs."""
 
-    `decays`: how often, at even distances, the rate falls to a tenth.
-    """
-
-    steps: int = 1500
-    batch: int = 64
-    learning_rate: float = 5e-4
-    decays: int = 5
+    steps: int = key(1500, "iterations", limits=COUNT, published=180_000)
+    batch: int = key(64, "windows of 34 frames in each iteration", limits=COUNT)
+    learning_rate: float = key(5e-4, "of Adam", limits=POSITIVE)
+    decays: int = key(5, "how often, at even distances, the rate falls to a tenth", limits=NATURAL)
 
 
 def form_of(ruler):

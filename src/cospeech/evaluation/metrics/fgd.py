@@ -17,6 +17,7 @@ from torch.nn import functional
 from cospeech.errors import CospeechError
 from cospeech.evaluation.metrics.gesture_metrics import BONES, bone_directions, low_pass
 from cospeech.files import sha256
+from cospeech.learning.settings import COUNT, POSITIVE, Section, key
 from cospeech.learning.training import device, train
 from cospeech.learning.weights import load_weights, save_weights
 from cospeech.learning.windows import Windows
@@ -26,16 +27,16 @@ CHANNELS = 3 * len(BONES)
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Section, section="feature_net"):
     """Of the network's training. TED Expressive's: batch 64, latent 128; TED Gesture's: batch 128, latent 32.
 
     A small latent suits small test parts: a covariance of D dimensions wants several times D independent windows.
     """
 
-    steps: int = 1000
-    batch: int = 32
-    latent: int = 32
-    learning_rate: float = 5e-4
+    steps: int = key(1000, "iterations", limits=COUNT, published=50_000)
+    batch: int = key(32, "windows of 34 frames in each iteration", limits=COUNT, published=64)
+    latent: int = key(32, "width of the latent vector, in which FGD is measured", limits=COUNT)
+    learning_rate: float = key(5e-4, "of Adam", limits=POSITIVE)
 
 
 def _layer(layer, width, slope=0.2):

@@ -18,8 +18,10 @@ from cospeech.files import reading_hdf5, writing_hdf5
 from cospeech.formats.result_table import fixed, headings, mean_and_deviation, write_table
 from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
 from cospeech.gestures.chapter4.vectors import motion_to_vectors
+from cospeech.learning.settings import COUNT, POSITIVE, UNPUBLISHED, WEIGHT, Section, key, one_of
 from cospeech.learning.training import autocast, descend, device, train
 from cospeech.learning.unet1d import MULTIPLE, Critic, preset
+from cospeech.learning.unet1d import PRESETS as WIDTHS
 from cospeech.learning.weights import load_weights, save_weights
 
 JUDGED = ("features", "body", "hands")  # the face is excluded, as from the discriminator
@@ -30,20 +32,25 @@ STRIDE = 4  # windows are judged at starts this many to a window apart: every qu
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Section, section="sync_classifier"):
     """Of one training. frames: length of the judged windows, 64, 32 or 16 in Table 4.4, a multiple of 8.
 
-    noise: deviation of Gaussian noise on the z-scored input in training, against learning short recordings by heart.
+    `frames` is no key of a budget: the workflow trains one classifier for each length of the table.
     """
 
-    steps: int = 20_000
-    batch: int = 25
+    steps: int = key(20_000, "iterations", limits=COUNT)
+    batch: int = key(25, "windows in each iteration", limits=COUNT)
     frames: int = 64
-    learning_rate: float = 5e-4
-    preset: str = "resync"
-    width: float = 1.0
-    noise: float = 0.0
-    weight_decay: float = 0.0
+    learning_rate: float = key(5e-4, "of AdamW", limits=POSITIVE)
+    preset: str = key("resync", "which reconstruction of the channels, which nobody printed", limits=one_of(*WIDTHS))
+    width: float = key(1.0, "factor on the number of channels", limits=POSITIVE)
+    noise: float = key(
+        0.0,
+        "deviation of noise on the z-scored input in training, against learning short recordings by heart",
+        limits=WEIGHT,
+        published=UNPUBLISHED,
+    )
+    weight_decay: float = key(0.0, "of AdamW", limits=WEIGHT, published=UNPUBLISHED)
 
 
 class Classifier(MotionNetwork):

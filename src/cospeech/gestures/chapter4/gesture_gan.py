@@ -4,16 +4,17 @@ Habibie et al. 2021 ("IVA 2021") section 4, thesis section 4.4. Two of the basel
 network with another `adversary`: none, or one that judges how fast the motion is.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.errors import CospeechError
 from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
+from cospeech.learning.settings import BETAS, COUNT, LEFT_OUT, POSITIVE, UNPUBLISHED, WEIGHT, Section, key, one_of
 from cospeech.learning.training import autocast, descend, device
-from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, preset
+from cospeech.learning.unet1d import HALO, MULTIPLE, WINDOW, Critic, Decoder, Encoder, preset
+from cospeech.learning.unet1d import PRESETS as WIDTHS
 
 # What the discriminator judges, of body and hands; the face is never among it (section 4.4.1).
 ADVERSARIES = {"none": (), "audio_pose": ("features", "body", "hands"), "pose": ("body", "hands"),
@@ -21,32 +22,53 @@ ADVERSARIES = {"none": (), "audio_pose": ("features", "body", "hands"), "pose": 
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Section, section="gesture_gan"):
     """Of one training; the defaults are the published ones (thesis section 4.4.2).
 
-    weights: of the loss terms. They balance un-normalised metres, with every term a mean over its elements: summed over
-    time and channels the adversarial term would be a thousandth of the others, against the text's "equally weighted".
-    adversary: what the discriminator judges, one of `ADVERSARIES`: speech and pose (published), the pose alone, the
-    pose's change from frame to frame (after Ginosar et al. 2019), or nothing.
-    r1: weight of the discriminator's squared gradient at real pairs (Mescheder et al. 2018). Not in the publication; it
-    keeps a discriminator that has little data to learn from running away from the generator.
-    feature_noise: deviation of Gaussian noise on the z-scored speech features in training. Not in the publication; it
-    keeps the generator from learning a short recording by heart.
+    The weights balance un-normalised metres, with every term a mean over its elements: summed over time and channels
+    the adversarial term would be a thousandth of the others, against the text's "equally weighted".
     """
 
-    steps: int = 300_000
-    batch: int = 25
-    frames: int = 64
-    learning_rate: float = 5e-4
-    discriminator_learning_rate: float = 5e-4
-    betas: tuple = (0.9, 0.999)
-    preset: str = "resync"
-    width: float = 1.0
-    adversary: str = "audio_pose"
-    generator_every: int = 1
-    r1: float = 0.0
-    feature_noise: float = 0.0
-    weights: dict = field(default_factory=lambda: {"face": 0.37, "body": 600.0, "hands": 840.0, "adversarial": 5.0})
+    steps: int = key(300_000, "iterations", limits=COUNT)
+    batch: int = key(25, "windows in each iteration", limits=COUNT)
+    frames: int = key(64, "length of a window", "frames", WINDOW)
+    learning_rate: float = key(5e-4, "of Adam", limits=POSITIVE)
+    discriminator_learning_rate: float = key(5e-4, "of the discriminator's Adam", limits=POSITIVE)
+    betas: tuple = key((0.9, 0.999), "of both Adams", limits=BETAS)
+    preset: str = key("resync", "which reconstruction of the channels, which nobody printed", limits=one_of(*WIDTHS))
+    width: float = key(1.0, "factor on the number of channels", limits=POSITIVE)
+    adversary: str = key(
+        "audio_pose",
+        "what the discriminator judges: nothing (so regression), speech and pose (so gesture_gan), the pose alone, or "
+        "its change from frame to frame (so velocity_gan, after Ginosar et al. 2019)",
+        limits=one_of(*ADVERSARIES),
+        published=LEFT_OUT,  # the model's name decides
+    )
+    generator_every: int = key(1, "update the generator in every n-th iteration", limits=COUNT)
+    r1: float = key(
+        0.0,
+        "weight of the discriminator's squared gradient at real motion (Mescheder et al. 2018), which keeps it from "
+        "running away where there is little data",
+        limits=WEIGHT,
+        published=UNPUBLISHED,
+    )
+    feature_noise: float = key(
+        0.0,
+        "deviation of noise on the z-scored speech features in training, against learning a short recording by heart",
+        limits=WEIGHT,
+        published=UNPUBLISHED,
+    )
+    weights: dict = key(
+        {"face": 0.37, "body": 600.0, "hands": 840.0, "adversarial": 5.0},
+        "of the loss terms",
+        limits=WEIGHT,
+        parts={
+            "face": "distance of expressions, in the face tracker's coefficients",
+            "body": "L1 of body and head, in metres and radians",
+            "hands": "L1 of the hands, in metres",
+            "adversarial": "what the discriminator says",
+        },
+    )
 
 
 class GestureNetwork(MotionNetwork):
@@ -79,8 +101,6 @@ class GestureTask:
     """Training of the chapter 4 network, for `cospeech.learning.training.train`."""
 
     def __init__(self, clips, settings, seed, model="gesture_gan"):
-        if settings.adversary not in ADVERSARIES:
-            raise CospeechError(f"budget: {model}.adversary is {settings.adversary!r}; known: {', '.join(ADVERSARIES)}")
         torch.manual_seed(seed)
         self.settings = settings
         self.pairs = Pairs(clips, settings.frames)

@@ -11,22 +11,26 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
+from cospeech.learning.settings import COUNT, DROPOUT, NATURAL, POSITIVE, UNPUBLISHED, WEIGHT, Section, key
 from cospeech.learning.training import autocast, descend, device
+from cospeech.learning.unet1d import WINDOW
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training. delay: frames of speech that are heard before a frame of motion is answered."""
+class Settings(Section, section="lstm"):
+    """Of one training."""
 
-    steps: int = 300_000
-    batch: int = 100
-    frames: int = 64
-    learning_rate: float = 1e-3
-    hidden: int = 200
-    layers: int = 1
-    dropout: float = 0.1
-    delay: int = 3
-    feature_noise: float = 0.0
+    steps: int = key(300_000, "iterations", limits=COUNT)
+    batch: int = key(100, "windows in each iteration", limits=COUNT)
+    frames: int = key(64, "length of a window", "frames", WINDOW)
+    learning_rate: float = key(1e-3, "of Adam", limits=POSITIVE)
+    hidden: int = key(200, "units of each LSTM", limits=COUNT)
+    layers: int = key(1, "of each LSTM", limits=COUNT)
+    dropout: float = key(0.1, "share of units that are dropped before the last layer", limits=DROPOUT)
+    delay: int = key(3, "speech that is heard before a frame of motion is answered, 0.2 s", "frames", NATURAL)
+    feature_noise: float = key(
+        0.0, "deviation of noise on the z-scored speech features in training", limits=WEIGHT, published=UNPUBLISHED
+    )
 
 
 class RecurrentNetwork(MotionNetwork):

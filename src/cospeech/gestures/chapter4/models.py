@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cospeech.gestures.generator import MODELS
+from cospeech.gestures.generator import MODELS, section_of
 from cospeech.learning.settings import settings_of
 
 
@@ -11,20 +11,31 @@ def training_task(name, recordings, settings, seed):
     return gesture_task(name, recordings.clips, settings, seed, recordings.control.get(MODELS[name].signal))
 
 
+def defaults_of(model):
+    """The `Settings` of one of chapter 4's models as published, which its section of the budget changes."""
+    if section_of(model) == "moglow":
+        from cospeech.gestures.chapter4.moglow import Settings
+    elif model == "lstm":
+        from cospeech.gestures.chapter4.lstm import Settings
+    else:
+        from cospeech.gestures.chapter4.gesture_gan import Settings
+    return replace(Settings(), **MODELS[model].defaults)
+
+
 def gesture_task(model, clips, settings, seed, control=None):
     """The training `Task` of one of chapter 4's models on clips; `settings` is its section of the budget, a dict.
 
     control : for MoGlow's control variants, their signal in every clip, list of (T,).
     """
-    if MODELS[model].section == "moglow":
-        from cospeech.gestures.chapter4.moglow import MoGlowTask, Settings
+    settings = settings_of(defaults_of(model), settings, model)
+    if section_of(model) == "moglow":
+        from cospeech.gestures.chapter4.moglow import MoGlowTask
 
-        return MoGlowTask(clips, settings_of(Settings(), settings, model), seed, model, control)
+        return MoGlowTask(clips, settings, seed, model, control)
     if model == "lstm":
-        from cospeech.gestures.chapter4.lstm import LSTMTask, Settings
+        from cospeech.gestures.chapter4.lstm import LSTMTask
 
-        return LSTMTask(clips, settings_of(Settings(), settings, model), seed)
-    from cospeech.gestures.chapter4.gesture_gan import GestureTask, Settings
+        return LSTMTask(clips, settings, seed)
+    from cospeech.gestures.chapter4.gesture_gan import GestureTask
 
-    defaults = replace(Settings(), **MODELS[model].defaults)
-    return GestureTask(clips, settings_of(defaults, settings, model), seed, model)
+    return GestureTask(clips, settings, seed, model)

@@ -16,6 +16,7 @@ from torch.nn import functional as F
 
 from cospeech.gestures.chapter4.flow import LAYERS, Flow
 from cospeech.gestures.chapter4.pairs import MotionNetwork, Pairs
+from cospeech.learning.settings import COUNT, NATURAL, POSITIVE, SHARE, UNPUBLISHED, WEIGHT, Section, key
 from cospeech.learning.training import device
 
 MOTION = ("body", "hands")
@@ -25,34 +26,37 @@ QUANTILES = (15, 50, 85)  # percentiles of it that are kept as targets
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training; sizes are those the thesis found best (H = 800, K = 10; section 4.5.1), the rest StyleGestures'.
+class Settings(Section, section="moglow"):
+    """Of one training; sizes are those the thesis found best (section 4.5.1), the rest StyleGestures'."""
 
-    hidden, flows : H and K. history : poses before a frame. look_ahead : frames of speech after it. pose_dropout :
-    share of frames that do not see their past. warm_up : iterations until the full learning rate, which then falls with
-    their square root down to `least_rate` (Noam). clip, norm : largest gradient element and norm. noise : deviation of
-    noise on the z-scored motion and speech in training, none as published. smoothing : sigma in frames of a Gaussian
-    over the training motion, which thesis section 5.4 has without its size. linear : whether the flow is of what is
-    left of a frame after its least-squares prediction from the condition. Not published; it starts where a short
-    training would not arrive.
-    """
-
-    steps: int = 80_000
-    batch: int = 80
-    frames: int = 64
-    hidden: int = 800
-    flows: int = 10
-    history: int = 5
-    look_ahead: int = 20
-    pose_dropout: float = 0.4
-    learning_rate: float = 1.5e-3
-    least_rate: float = 1.5e-4
-    warm_up: int = 3000
-    clip: float = 5.0
-    norm: float = 100.0
-    noise: float = 0.0
-    smoothing: float = 0.0
-    linear: bool = False
+    steps: int = key(80_000, "iterations", limits=COUNT)
+    batch: int = key(80, "windows in each iteration", limits=COUNT)
+    frames: int = key(64, "length of a window", "frames", COUNT)
+    hidden: int = key(800, "H, units of the LSTMs", limits=COUNT)
+    flows: int = key(10, "K, steps of the flow", limits=COUNT)
+    history: int = key(5, "poses that are seen before a frame", "frames", COUNT)
+    look_ahead: int = key(20, "speech that is heard after a frame", "frames", NATURAL)
+    pose_dropout: float = key(0.4, "share of frames that do not see their past, so that speech is heard", limits=SHARE)
+    learning_rate: float = key(1.5e-3, "of Adam, its highest", limits=POSITIVE)
+    least_rate: float = key(1.5e-4, "what it falls to, with the root of the iterations (Noam)", limits=POSITIVE)
+    warm_up: int = key(3000, "over which the rate rises before it falls", "iterations", COUNT)
+    clip: float = key(5.0, "largest element of the gradient", limits=POSITIVE)
+    norm: float = key(100.0, "largest norm of the gradient", limits=POSITIVE)
+    noise: float = key(
+        0.0, "deviation of noise on z-scored motion and speech in training", limits=WEIGHT, published=UNPUBLISHED
+    )
+    smoothing: float = key(
+        0.0,
+        "sigma of a Gaussian over the training motion; thesis section 5.4 has one without its size",
+        "frames",
+        WEIGHT,
+    )
+    linear: bool = key(
+        False,
+        "the flow is of what is left of a frame after its least-squares prediction from the condition, where a short "
+        "training would not arrive",
+        published=UNPUBLISHED,
+    )
 
 
 def averaged(signal, fps):

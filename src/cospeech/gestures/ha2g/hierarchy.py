@@ -4,78 +4,114 @@ The preset `paper` is the publication's text, `released` its public code; docs/h
 Words teach the audio encoder (eq. 2) and, in `released` alone, are heard when generating.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import nn
 
-from cospeech.errors import CospeechError
 from cospeech.gestures.ha2g import losses
 from cospeech.gestures.ha2g.dataset.corpus import FRAMES
 from cospeech.gestures.ha2g.networks.discriminator import Discriminator
 from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import FEATURES, LEVELS, SpectrogramEncoder
-from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import Cascade, inferred_levels
+from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import HIERARCHIES, Cascade, inferred_levels
 from cospeech.gestures.ha2g.networks.style import StyleCoordinator, blend, draw, style_of_speakers
 from cospeech.gestures.ha2g.networks.text import TextEncoder
 from cospeech.gestures.ha2g.task import AdversarialTask
-from cospeech.learning.settings import settings_of
+from cospeech.learning.settings import (
+    BETAS,
+    COUNT,
+    DROPOUT,
+    NATURAL,
+    POSITIVE,
+    SHARE,
+    UNPUBLISHED,
+    WEIGHT,
+    Section,
+    counts,
+    key,
+    one_of,
+    settings_of,
+    some_of,
+)
 from cospeech.learning.training import device
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training; the defaults are the paper's on TED Expressive, as far as it or its logs print them.
+class Settings(Section, section="ha2g"):
+    """Of one training; the defaults are the paper's on TED Expressive, as far as it or its logs print them."""
 
-    Sizes: width, a factor on all channels; blocks of ResNetSE34's stages; layers of each GRU and of the text encoder.
-    warm_up: share of the training before the discriminator joins (10 epochs). discriminator_rate: its learning rate
-    over the generator's. r1: weight of its gradient penalty, a guard against divergence that is not published.
-    mixed: whether it is given real and made poses in one batch, which is not published either (see `AdversarialTask`).
-    style: size of a style vector. style_input: whether the generators hear it (the released code's do; eq. 4 of the
-    paper prints poses and audio alone). coordinator: "linear" or "mlp". reblend: whether the random styles of the
-    style diverging loss blend the audio themselves (the released code forgets it, so that the coordinator learns
-    nothing from that loss).
-    text: whether words are used at all. text_input: whether the generators hear them. text_centred: 16 words around a
-    frame, or 31 up to it. text_copies: whether each generator has a text encoder of its own.
-    contrast: "temperature" or "distance", with the temperature (not published; ours). contrast_frames: random frames
-    of a batch that it compares, 0 for all.
-    in_level_negatives, cross_level_negatives, audio_levels, same_audio, pose_hierarchy: Tables 3 and 4, see `models`.
-    slope: of the discriminator's LeakyReLU. weights: of the loss terms; the contrastive one is not published.
-    """
-
-    preset: str = "paper"
-    epochs: float = 180.0
-    steps: int = 0
-    batch: int = 64
-    learning_rate: float = 5e-4
-    discriminator_rate: float = 0.2
-    betas: tuple = (0.5, 0.999)
-    warm_up: float = 0.1
-    r1: float = 0.0
-    mixed: bool = False
-    width: float = 1.0
-    blocks: tuple = (3, 4, 6, 3)
-    layers: int = 4
-    dropout: float = 0.3
-    slope: float = 0.2
-    style: int = 18
-    style_input: bool = True
-    coordinator: str = "linear"
-    reblend: bool = True
-    text: bool = True
-    text_input: bool = False
-    text_centred: bool = True
-    text_copies: bool = False
-    contrast: str = "temperature"
-    temperature: float = 0.1
-    contrast_frames: int = 0
-    in_level_negatives: bool = True
-    cross_level_negatives: bool = True
-    audio_levels: tuple = LEVELS
-    same_audio: bool = False
-    pose_hierarchy: str = "full"
-    weights: dict = field(default_factory=lambda: {
-        "huber": 166.7, "adversarial": 5.0, "divergence": 0.1, "diverging": 0.05, "physical": 0.01, "contrastive": 0.2,
-    })  # fmt: skip
+    preset: str = key(
+        "paper", "what the keys are that are left out: the text, or the public code", limits=one_of("paper", "released")
+    )
+    epochs: float = key(180.0, "passes over the windows, unless steps are given", limits=POSITIVE)
+    steps: int = key(0, "iterations, if not 0", limits=NATURAL)
+    batch: int = key(64, "windows of 34 frames in each iteration", limits=COUNT)
+    learning_rate: float = key(5e-4, "of Adam", limits=POSITIVE)
+    discriminator_rate: float = key(0.2, "the discriminator's learning rate over the generator's", limits=POSITIVE)
+    betas: tuple = key((0.5, 0.999), "of both Adams", limits=BETAS)
+    warm_up: float = key(0.1, "share of the training before the discriminator joins", limits=SHARE)
+    r1: float = key(
+        0.0, "weight of the discriminator's squared gradient at real poses", limits=WEIGHT, published=UNPUBLISHED
+    )
+    mixed: bool = key(
+        False, "give the discriminator real and generated poses in one batch, not apart", published=UNPUBLISHED
+    )
+    width: float = key(1.0, "factor on all channels", limits=POSITIVE)
+    blocks: tuple = key((3, 4, 6, 3), "of the stages of the audio encoder, a ResNetSE34", limits=counts(4))
+    layers: int = key(4, "of each GRU, and of the text encoder", limits=COUNT)
+    dropout: float = key(0.3, "share of units that are dropped", limits=DROPOUT)
+    slope: float = key(0.2, "of the discriminator's LeakyReLU, below zero", limits=WEIGHT)
+    style: int = key(18, "numbers of a style vector", limits=COUNT)
+    style_input: bool = key(
+        True, "whether the generators hear the style, as in the code; eq. 4 prints poses and audio alone"
+    )
+    coordinator: str = key("linear", "how a style makes the shares of low, mid, high", limits=one_of("linear", "mlp"))
+    reblend: bool = key(
+        True,
+        "whether the random styles of the style diverging loss blend the audio themselves; the code forgets it, so "
+        "that the coordinator learns nothing from that loss",
+    )
+    text: bool = key(True, "whether words are used at all")
+    text_input: bool = key(False, "whether the generators hear words")
+    text_centred: bool = key(True, "16 words around a frame, or else 31 up to it")
+    text_copies: bool = key(False, "whether each generator has a text encoder of its own")
+    contrast: str = key(
+        "temperature",
+        "the contrastive loss: cosine over temperature, or 1 / distance",
+        limits=one_of("temperature", "distance"),
+    )
+    temperature: float = key(0.1, "of the contrastive loss", limits=POSITIVE, published=UNPUBLISHED)
+    contrast_frames: int = key(0, "random frames of a batch that it compares; 0 for all", "frames", NATURAL)
+    in_level_negatives: bool = key(True, "negatives of other frames and clips (Table 3)")
+    cross_level_negatives: bool = key(True, "negatives of low and mid (Table 3)")
+    audio_levels: tuple = key(LEVELS, "which levels of audio are blended (Table 3)", limits=some_of(*LEVELS, least=1))
+    same_audio: bool = key(False, "the same audio for all pose levels (Table 4)")
+    pose_hierarchy: str = key(
+        "full",
+        "all levels; none: the holistic generator; body: without hand hierarchy; hands: without body hierarchy "
+        "(Table 4)",
+        limits=one_of(*HIERARCHIES),
+    )
+    weights: dict = key(
+        {
+            "huber": 166.7,
+            "adversarial": 5.0,
+            "divergence": 0.1,
+            "diverging": 0.05,
+            "physical": 0.01,
+            "contrastive": 0.2,
+        },
+        "of the loss terms",
+        limits=WEIGHT,
+        parts={
+            "huber": "Huber loss of every pose level",
+            "adversarial": "what the discriminator says",
+            "divergence": "Kullback-Leibler divergence of the styles",
+            "diverging": "style diverging loss",
+            "physical": "how likely the angles between bones are",
+            "contrastive": "contrastive loss of audio and words; not published, the code's",
+        },
+    )
 
 
 RELEASED = {"epochs": 100.0, "batch": 96, "slope": 0.01, "style": 16, "coordinator": "mlp", "reblend": False,
@@ -84,13 +120,10 @@ RELEASED = {"epochs": 100.0, "batch": 96, "slope": 0.01, "style": 16, "coordinat
 # numbers, and of the code's newest configuration.
 OF_TABLE = {("paper", "ted10"): (128, 100.0, 70.0), ("released", "ted10"): (256, 100.0, 70.0),
             ("released", "expressive43"): (96, 100.0, 250.0)}  # fmt: skip
-CHOICES = {"coordinator": ("linear", "mlp"), "contrast": ("temperature", "distance")}
 
 
 def published(preset, table):
     """The `Settings` of a preset, "paper" or "released", for a level table by name."""
-    if preset not in ("paper", "released"):
-        raise CospeechError(f"budget: ha2g.preset is {preset!r}; known: paper, released")
     settings = replace(Settings(), preset=preset, **(RELEASED if preset == "released" else {}))
     if (preset, table) in OF_TABLE:
         batch, epochs, huber = OF_TABLE[preset, table]
@@ -147,17 +180,12 @@ class HA2G(nn.Module):
 class HA2GTask(AdversarialTask):
     """Training of HA2G, for `learning.training.train`: all of it in one optimiser, the discriminator in another."""
 
-    model = "ha2g"
+    model, defaults = "ha2g", Settings()
 
-    @staticmethod
-    def settings_of(mapping, corpus):
+    @classmethod
+    def settings_of(cls, mapping, corpus):
         """`Settings` of a budget's section: those of its `preset`, with its other keys."""
         settings = settings_of(published(mapping.get("preset", "paper"), corpus.levels.name), mapping, "ha2g")
-        for key, known in CHOICES.items():
-            if getattr(settings, key) not in known:
-                raise CospeechError(f"budget: ha2g.{key} is {getattr(settings, key)!r}; known: {', '.join(known)}")
-        if not settings.audio_levels or set(settings.audio_levels) - set(LEVELS):
-            raise CospeechError(f"budget: ha2g.audio_levels is {settings.audio_levels!r}; some of {', '.join(LEVELS)}")
         if settings.text_input and not settings.text:
             settings = replace(settings, text_input=False)
         return settings

@@ -16,7 +16,7 @@ from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import FEATURES,
 from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import HIDDEN
 from cospeech.gestures.ha2g.networks.text import TextEncoder
 from cospeech.gestures.ha2g.task import WindowTask
-from cospeech.learning.settings import settings_of
+from cospeech.learning.settings import COUNT, DROPOUT, NATURAL, POSITIVE, Section, key
 from cospeech.learning.training import descend
 
 EMBEDDED = 32  # numbers of the joint embedding
@@ -24,16 +24,16 @@ CONVOLVED = FRAMES // 2 - 5  # frames left by the pose encoder's convolutions: t
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training; the defaults are the port's. layers: of the decoder."""
+class Settings(Section, section="joint_embedding"):
+    """Of one training; the defaults are the port's."""
 
-    epochs: float = 100.0
-    steps: int = 0
-    batch: int = 128
-    learning_rate: float = 5e-4
-    width: float = 1.0
-    layers: int = 4
-    dropout: float = 0.3
+    epochs: float = key(100.0, "passes over the windows, unless steps are given", limits=POSITIVE)
+    steps: int = key(0, "iterations, if not 0", limits=NATURAL)
+    batch: int = key(128, "windows of 34 frames in each iteration", limits=COUNT)
+    learning_rate: float = key(5e-4, "of Adam", limits=POSITIVE)
+    width: float = key(1.0, "factor on all channels", limits=POSITIVE)
+    layers: int = key(4, "of the decoder's GRU", limits=COUNT)
+    dropout: float = key(0.3, "share of units that are dropped", limits=DROPOUT)
 
 
 class PoseEncoder(nn.Module):
@@ -103,14 +103,8 @@ class JointEmbedding(nn.Module):
 class JointEmbeddingTask(WindowTask):
     """Training of Joint Embedding, for `learning.training.train`: every iteration from speech or from poses."""
 
-    model = "joint_embedding"
+    model, defaults = "joint_embedding", Settings()
     heard = ("wave", "words")
-
-    @staticmethod
-    def settings_of(mapping, corpus):
-        """`Settings` of a budget's section."""
-        del corpus
-        return settings_of(Settings(), mapping, "joint_embedding")
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)

@@ -1,6 +1,6 @@
 """Seq2Seq with attention (Yoon et al. 2019): from words to poses, one after the other."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import torch
 from torch import nn
@@ -11,27 +11,33 @@ from cospeech.gestures.ha2g.networks.gru import GRU
 from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 from cospeech.gestures.ha2g.networks.text import EMBEDDING, word_embedding
 from cospeech.gestures.ha2g.task import WindowTask
-from cospeech.learning.settings import settings_of
+from cospeech.learning.settings import COUNT, DROPOUT, NATURAL, POSITIVE, WEIGHT, Section, key
 
 HIDDEN = 200
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training; the defaults are those of HA2G's and Trimodal's comparisons. clip: largest gradient norm.
+class Settings(Section, section="seq2seq"):
+    """Of one training; the defaults are those of HA2G's and Trimodal's comparisons."""
 
-    weights: of the squared error; of the mean change from frame to frame; and of how far poses are from the mean.
-    """
-
-    epochs: float = 100.0
-    steps: int = 0
-    batch: int = 128
-    learning_rate: float = 1e-4
-    clip: float = 5.0
-    width: float = 1.0
-    layers: int = 2
-    dropout: float = 0.1
-    weights: dict = field(default_factory=lambda: {"error": 250.0, "change": 0.1, "variety": 25.0})
+    epochs: float = key(100.0, "passes over the windows, unless steps are given", limits=POSITIVE)
+    steps: int = key(0, "iterations, if not 0", limits=NATURAL)
+    batch: int = key(128, "windows of 34 frames in each iteration", limits=COUNT)
+    learning_rate: float = key(1e-4, "of Adam", limits=POSITIVE)
+    clip: float = key(5.0, "largest norm of the gradient", limits=POSITIVE)
+    width: float = key(1.0, "factor on all channels", limits=POSITIVE)
+    layers: int = key(2, "of each GRU", limits=COUNT)
+    dropout: float = key(0.1, "share of units that are dropped", limits=DROPOUT)
+    weights: dict = key(
+        {"error": 250.0, "change": 0.1, "variety": 25.0},
+        "of the loss terms",
+        limits=WEIGHT,
+        parts={
+            "error": "squared error",
+            "change": "mean change from frame to frame",
+            "variety": "how far poses are from the mean",
+        },
+    )
 
 
 class Seq2Seq(nn.Module):
@@ -85,14 +91,8 @@ def terms_of(poses, real):
 class Seq2SeqTask(WindowTask):
     """Training of Seq2Seq, for `cospeech.learning.training.train`."""
 
-    model = "seq2seq"
+    model, defaults = "seq2seq", Settings()
     heard = ("words",)
-
-    @staticmethod
-    def settings_of(mapping, corpus):
-        """`Settings` of a budget's section."""
-        del corpus
-        return settings_of(Settings(), mapping, "seq2seq")
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)

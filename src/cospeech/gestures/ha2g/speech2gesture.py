@@ -4,7 +4,7 @@ Published for one speaker without seed poses; as in HA2G's comparison all method
 the speech in front of the U-Net, as 16 features.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import torch
 from torch import nn
@@ -14,7 +14,7 @@ from cospeech.gestures.ha2g.dataset.corpus import FRAMES, SEED_FRAMES
 from cospeech.gestures.ha2g.losses import fool_least_squares, judge_least_squares
 from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 from cospeech.gestures.ha2g.task import AdversarialTask
-from cospeech.learning.settings import settings_of
+from cospeech.learning.settings import BETAS, COUNT, NATURAL, POSITIVE, SHARE, UNPUBLISHED, WEIGHT, Section, key
 
 SLOPE = 0.2
 SEED_FEATURES = 16
@@ -22,24 +22,33 @@ HALVINGS = 5
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(Section, section="speech2gesture"):
     """Of one training; 300 x 300 iterations, sizes and rates as published.
 
-    weights: those of the port to bone vectors that Trimodal and HA2G compare with; published are 1 and 1, for poses in
-    units of their deviation. warm_up, r1, mixed: as in `hierarchy.Settings`.
+    The weights are those of the port to bone vectors that Trimodal and HA2G compare with; published are 1 and 1, for
+    poses in units of their deviation.
     """
 
-    epochs: float = 300.0
-    steps: int = 90_000
-    batch: int = 32
-    learning_rate: float = 1e-4
-    discriminator_rate: float = 1.0
-    betas: tuple = (0.9, 0.999)
-    warm_up: float = 0.0
-    r1: float = 0.0
-    mixed: bool = False
-    width: float = 1.0
-    weights: dict = field(default_factory=lambda: {"distance": 100.0, "adversarial": 10.0})
+    epochs: float = key(300.0, "passes over the windows, unless steps are given", limits=POSITIVE)
+    steps: int = key(90_000, "iterations, if not 0: 300 epochs of 300", limits=NATURAL)
+    batch: int = key(32, "windows of 34 frames in each iteration", limits=COUNT)
+    learning_rate: float = key(1e-4, "of Adam", limits=POSITIVE)
+    discriminator_rate: float = key(1.0, "the discriminator's learning rate over the generator's", limits=POSITIVE)
+    betas: tuple = key((0.9, 0.999), "of both Adams", limits=BETAS)
+    warm_up: float = key(0.0, "share of the training before the discriminator joins", limits=SHARE)
+    r1: float = key(
+        0.0, "weight of the discriminator's squared gradient at real poses", limits=WEIGHT, published=UNPUBLISHED
+    )
+    mixed: bool = key(
+        False, "give the discriminator real and generated poses in one batch, not apart", published=UNPUBLISHED
+    )
+    width: float = key(1.0, "factor on all channels", limits=POSITIVE)
+    weights: dict = key(
+        {"distance": 100.0, "adversarial": 10.0},
+        "of the loss terms; published 1 and 1, for poses in units of their deviation",
+        limits=WEIGHT,
+        parts={"distance": "L1 distance", "adversarial": "what the discriminator says"},
+    )
 
 
 def convolution(dimensions, channels_in, channels, kernel=3, stride=1, padding=1):
@@ -129,15 +138,9 @@ class PatchDiscriminator(nn.Module):
 class Speech2GestureTask(AdversarialTask):
     """Training of Speech2Gesture, for `cospeech.learning.training.train`."""
 
-    model = "speech2gesture"
+    model, defaults = "speech2gesture", Settings()
     heard = ("s2g_mel",)
     judge, fool = staticmethod(judge_least_squares), staticmethod(fool_least_squares)
-
-    @staticmethod
-    def settings_of(mapping, corpus):
-        """`Settings` of a budget's section."""
-        del corpus
-        return settings_of(Settings(), mapping, "speech2gesture")
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)

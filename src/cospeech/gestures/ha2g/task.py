@@ -7,6 +7,7 @@ import torch
 
 from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
 from cospeech.gestures.ha2g.losses import fool, judge
+from cospeech.learning.settings import settings_of
 from cospeech.learning.training import descend, device
 from cospeech.speech.mel import BINS, COLUMNS, S2G_BINS, S2G_COLUMNS
 
@@ -18,9 +19,15 @@ class WindowTask:
     heard : what the network hears of the corpus's keys.
     """
 
-    model = ""
+    model, defaults = "", None
     heard = ()
     sequences = False  # its inputs are units of a fixed length
+
+    @classmethod
+    def settings_of(cls, mapping, corpus):
+        """The settings of a budget's section on a `Corpus`: its keys over the `defaults`."""
+        del corpus  # those of HA2G depend on it
+        return settings_of(cls.defaults, mapping, cls.model)
 
     def __init__(self, corpus, settings, seed):
         torch.manual_seed(seed)

@@ -3,7 +3,7 @@
 It is the cascade of `hierarchical_pose_inferer` with one level, other ears and other weights (Yoon et al. 2020).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import torch
 from torch import nn
@@ -16,29 +16,52 @@ from cospeech.gestures.ha2g.networks.hierarchical_pose_inferer import Cascade, i
 from cospeech.gestures.ha2g.networks.style import SpeakerStyle, draw
 from cospeech.gestures.ha2g.networks.text import TextEncoder
 from cospeech.gestures.ha2g.task import AdversarialTask
-from cospeech.learning.settings import settings_of
+from cospeech.learning.settings import (
+    BETAS,
+    COUNT,
+    DROPOUT,
+    NATURAL,
+    POSITIVE,
+    SHARE,
+    UNPUBLISHED,
+    WEIGHT,
+    Section,
+    key,
+)
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training; the defaults are published. The keys mean what they mean in `hierarchy.Settings`."""
+class Settings(Section, section="trimodal"):
+    """Of one training; the defaults are published."""
 
-    epochs: float = 100.0
-    steps: int = 0
-    batch: int = 128
-    learning_rate: float = 5e-4
-    discriminator_rate: float = 0.2
-    betas: tuple = (0.5, 0.999)
-    warm_up: float = 0.1
-    r1: float = 0.0
-    mixed: bool = False
-    width: float = 1.0
-    layers: int = 4
-    dropout: float = 0.3
-    slope: float = 0.2
-    style: int = 16
-    weights: dict = field(
-        default_factory=lambda: {"huber": 500.0, "adversarial": 5.0, "divergence": 0.1, "diverging": 0.05}
+    epochs: float = key(100.0, "passes over the windows, unless steps are given", limits=POSITIVE)
+    steps: int = key(0, "iterations, if not 0", limits=NATURAL)
+    batch: int = key(128, "windows of 34 frames in each iteration", limits=COUNT)
+    learning_rate: float = key(5e-4, "of Adam", limits=POSITIVE)
+    discriminator_rate: float = key(0.2, "the discriminator's learning rate over the generator's", limits=POSITIVE)
+    betas: tuple = key((0.5, 0.999), "of both Adams", limits=BETAS)
+    warm_up: float = key(0.1, "share of the training before the discriminator joins", limits=SHARE)
+    r1: float = key(
+        0.0, "weight of the discriminator's squared gradient at real poses", limits=WEIGHT, published=UNPUBLISHED
+    )
+    mixed: bool = key(
+        False, "give the discriminator real and generated poses in one batch, not apart", published=UNPUBLISHED
+    )
+    width: float = key(1.0, "factor on all channels", limits=POSITIVE)
+    layers: int = key(4, "of each GRU, and of the text encoder", limits=COUNT)
+    dropout: float = key(0.3, "share of units that are dropped", limits=DROPOUT)
+    slope: float = key(0.2, "of the discriminator's LeakyReLU, below zero", limits=WEIGHT)
+    style: int = key(16, "numbers of a style vector", limits=COUNT)
+    weights: dict = key(
+        {"huber": 500.0, "adversarial": 5.0, "divergence": 0.1, "diverging": 0.05},
+        "of the loss terms",
+        limits=WEIGHT,
+        parts={
+            "huber": "Huber loss",
+            "adversarial": "what the discriminator says",
+            "divergence": "Kullback-Leibler divergence of the styles",
+            "diverging": "style diverging loss",
+        },
     )
 
 
@@ -71,14 +94,8 @@ class Trimodal(nn.Module):
 class TrimodalTask(AdversarialTask):
     """Training of Trimodal, for `cospeech.learning.training.train`."""
 
-    model = "trimodal"
+    model, defaults = "trimodal", Settings()
     heard = ("wave", "words", "speaker")
-
-    @staticmethod
-    def settings_of(mapping, corpus):
-        """`Settings` of a budget's section."""
-        del corpus
-        return settings_of(Settings(), mapping, "trimodal")
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)

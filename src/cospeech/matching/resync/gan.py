@@ -13,12 +13,24 @@ from torch.nn import functional as F
 
 from cospeech.clip import speaker_bones
 from cospeech.errors import CospeechError, notice
-from cospeech.learning.settings import settings_of
+from cospeech.learning.settings import (
+    BETAS,
+    COUNT,
+    POSITIVE,
+    UNPUBLISHED,
+    WEIGHT,
+    Section,
+    key,
+    one_of,
+    settings_of,
+    some_of,
+)
 from cospeech.learning.training import autocast, descend, device
-from cospeech.learning.unet1d import HALO, MULTIPLE, Critic, Decoder, Encoder, ZScored, preset
+from cospeech.learning.unet1d import HALO, MULTIPLE, WINDOW, Critic, Decoder, Encoder, ZScored, preset
+from cospeech.learning.unet1d import PRESETS as WIDTHS
 from cospeech.learning.windows import divisor, moments
 from cospeech.matching.database.motion_database import PLACEMENTS
-from cospeech.matching.resync.conditions import Conditions, check_conditions
+from cospeech.matching.resync.conditions import CONDITIONS, Conditions
 from cospeech.matching.resync.window_pairs import training_pairs
 
 MOTION_CHANNELS = 165
@@ -30,44 +42,65 @@ BALANCE_FROM, BALANCE_EVERY = 10_000, 1000  # iterations of the released code's 
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training; the defaults are those of thesis section 5.3.3 or, where it is silent, of its public code.
+class Settings(Section, section="resync"):
+    """Of one training; the defaults are those of thesis section 5.3.3 or, where it is silent, of its public code."""
 
-    preset : `published` (the thesis) or `released` (the public code): what the keys that are left out are.
-    layers : `published` (ReLU, max pooling, 7 convolutions up and a head) or `released` (leaky ReLU, average pooling, 6
-        and a head, Xavier-normal initial weights).
-    widths, width : preset of `cospeech.learning.unet1d`, and a factor on it.
-    gradient_penalty, penalty_at : its weight, and where it is taken: for the motion at `generated` pairs (eq. 5.2) or
-        for speech and motion at random `interpolates` between real and generated pairs (Gulrajani et al. 2017).
-    fidelity : weight of the L1 distance to the k-NN motion.
-    statistics : z-score k-NN motion by `real` motion's, or in training by its own (`mixed`).
-    keep : the `last` iteration, or the most `balanced` critic's of every thousandth after ten thousand.
-    placement : where the k-NN windows of the training pairs may start, see `Database.placed`.
-    residual : add the network's output to the k-NN motion instead of replacing it; ours, for short trainings.
-    condition, condition_weight : control signals that the generator is told and is to keep; ours.
-    """
-
-    steps: int = 300_000
-    batch: int = 100
-    frames: int = 64
-    stride: int = 5
-    learning_rate: float = 1e-4
-    betas: tuple = (0.0, 0.9)
-    weight_decay: float = 4e-5
-    preset: str = "published"
-    layers: str = "published"
-    widths: str = "resync"
-    width: float = 1.0
-    critic_iterations: int = 5
-    gradient_penalty: float = 100.0
-    penalty_at: str = "generated"
-    fidelity: float = 0.1
-    statistics: str = "real"
-    keep: str = "last"
-    placement: str = "published"
-    residual: bool = False
-    condition: tuple = ()
-    condition_weight: float = 1.0
+    steps: int = key(300_000, "iterations", limits=COUNT)
+    batch: int = key(100, "windows in each iteration", limits=COUNT)
+    frames: int = key(64, "length of a window", "frames", WINDOW)
+    stride: int = key(5, "between the starts of two training windows", "frames", COUNT)
+    learning_rate: float = key(1e-4, "of Adam, generator and critic", limits=POSITIVE)
+    betas: tuple = key((0.0, 0.9), "of Adam", limits=BETAS)
+    weight_decay: float = key(4e-5, "of Adam", limits=WEIGHT)
+    preset: str = key(
+        "published",
+        "what the keys are that are left out: the thesis, or the public code",
+        limits=one_of("published", "released"),
+    )
+    layers: str = key(
+        "published",
+        "published: ReLU, max pooling, 7 convolutions up and a head; released: leaky ReLU, average pooling, 6 and a "
+        "head, Xavier-normal initial weights",
+        limits=one_of(*LAYERS),
+    )
+    widths: str = key("resync", "which reconstruction of the channels, which nobody printed", limits=one_of(*WIDTHS))
+    width: float = key(1.0, "factor on the number of channels", limits=POSITIVE)
+    critic_iterations: int = key(5, "critic updates for each of the generator", limits=COUNT)
+    gradient_penalty: float = key(100.0, "weight of the critic's gradient penalty", limits=WEIGHT)
+    penalty_at: str = key(
+        "generated",
+        "where it is taken: for the motion at generated pairs (eq. 5.2 as printed), or for speech and motion at random "
+        "interpolates of real and generated pairs (Gulrajani et al. 2017)",
+        limits=one_of("generated", "interpolates"),
+    )
+    fidelity: float = key(0.1, "weight of the L1 distance to the k-NN motion", limits=WEIGHT)
+    statistics: str = key(
+        "real",
+        "z-score k-NN motion by real motion's, or in training by its own (mixed)",
+        limits=one_of("real", "mixed"),
+    )
+    keep: str = key(
+        "last",
+        "the last iteration, or of every 1000th after 10 000 that of the most balanced critic",
+        limits=one_of("last", "balanced"),
+    )
+    placement: str = key(
+        "published",
+        "where the k-NN windows of the training pairs may start (docs/matching.md)",
+        limits=one_of(*PLACEMENTS),
+    )
+    residual: bool = key(
+        False, "add the output to the k-NN motion instead of replacing it, for short trainings", published=UNPUBLISHED
+    )
+    condition: tuple = key(
+        (),
+        "control signals that the generator is given and is to keep",
+        limits=some_of(*CONDITIONS),
+        published=UNPUBLISHED,
+    )
+    condition_weight: float = key(
+        1.0, "weight of the L1 distance of their signals, in deviations", limits=WEIGHT, published=UNPUBLISHED
+    )
 
 
 PRESETS = {
@@ -76,20 +109,12 @@ PRESETS = {
         preset="released", layers="released", penalty_at="interpolates", statistics="mixed", keep="balanced"
     ),
 }
-CHOICES = {
-    "preset": PRESETS, "layers": LAYERS, "penalty_at": ("generated", "interpolates"), "statistics": ("real", "mixed"),
-    "keep": ("last", "balanced"), "placement": tuple(PLACEMENTS),
-}  # fmt: skip
 
 
 def settings_from(section):
     """A budget's section (a dict) -> Settings: its preset's values, then its own keys. CospeechError on a bad one."""
     name = section.get("preset", Settings.preset)
     settings = settings_of(PRESETS.get(name, Settings()), section, "resync")
-    for key, known in CHOICES.items():
-        if getattr(settings, key) not in known:
-            raise CospeechError(f"budget: resync.{key} is {getattr(settings, key)!r}; known: {', '.join(known)}")
-    check_conditions(settings.condition)
     if settings.condition and settings.statistics == "mixed":
         raise CospeechError("budget: resync.condition needs the k-NN motion in true metres; set statistics: real")
     return settings

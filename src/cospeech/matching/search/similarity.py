@@ -13,6 +13,7 @@ from hashlib import sha256
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.learning.settings import COUNT, DROPOUT, POSITIVE, WEIGHT, Section, key
 from cospeech.learning.weights import load_weights, save_weights
 from cospeech.matching.database.descriptors import AUDIO_WIDTH, POSE_WIDTH, Normalization
 
@@ -21,17 +22,19 @@ TOWERS = ("audio", "motion")
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of the training. `embedding` is a multiple of 4, for the search's compiled kernels."""
+class Settings(Section, section="audio_rank"):
+    """Of the training."""
 
-    steps: int = 1000
-    batch: int = 256
-    learning_rate: float = 1e-3
-    weight_decay: float = 0.01
-    hidden: int = 128
-    embedding: int = 32
-    dropout: float = 0.3
-    temperature: float = 0.1
+    steps: int = key(1000, "iterations", limits=COUNT, published=20_000)
+    batch: int = key(256, "windows in each iteration", limits=COUNT, published=1024)
+    learning_rate: float = key(1e-3, "of AdamW", limits=POSITIVE)
+    weight_decay: float = key(0.01, "of AdamW", limits=WEIGHT)
+    hidden: int = key(128, "units of the hidden layer of each network", limits=COUNT)
+    embedding: int = key(
+        32, "numbers of an embedding, a multiple of 4 for the search's kernels", limits={"minimum": 4, "multipleOf": 4}
+    )
+    dropout: float = key(0.3, "share of hidden units that are dropped", limits=DROPOUT)
+    temperature: float = key(0.1, "of the contrastive loss: what the cosines are divided by", limits=POSITIVE)
 
 
 @dataclass(frozen=True)

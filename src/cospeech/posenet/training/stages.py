@@ -7,7 +7,7 @@ acts on whom is `pose_losses.total_loss`'s business.
 import json
 import math
 import os
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -17,6 +17,20 @@ import torch
 
 from cospeech import files
 from cospeech.errors import CospeechError
+from cospeech.learning.settings import (
+    COUNT,
+    LEFT_OUT,
+    NATURAL,
+    POSITIVE,
+    SHARE,
+    UNPUBLISHED,
+    WEIGHT,
+    Section,
+    counts,
+    key,
+    one_of,
+    some_of,
+)
 from cospeech.learning.training import autocast, descend, device, finish, train
 from cospeech.learning.weights import save_weights
 from cospeech.posenet.network import DESIGNS, Output, PoseNet, heatmap_targets, images_of, load_imagenet
@@ -24,13 +38,10 @@ from cospeech.posenet.training.curve import POINTS, LearningCurve, write_history
 from cospeech.posenet.training.loader import Loader, Mixture
 from cospeech.posenet.training.pose_losses import LIFTING, PRETRAINING, Labels, Weights, total_loss
 
-AUGMENT = {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0, "occlude": 0.0, "blur": 0.0}
 STAGES = ("pretraining", "lifting", "training")
 AHEAD = 3  # mini-batches that are made while the network learns
 LIFTED = 256  # people in a mini-batch of the stage that looks at no images
 SHAPE = ("input", "blocks", "width", "free", "latent", "camera")  # fields of Design that a budget may change
-OPTIMIZERS = ("adadelta", "adam")
-SCHEDULES = ("exponential", "cosine")
 # Table 3.6: what each row's second stage learns from. All rows start from the same 2D pre-training.
 ROWS = {
     "baseline": {"studio": 1.0, "weights": {"heatmap": 0.0, "projection": 0.0}},
@@ -41,55 +52,95 @@ ROWS = {
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Of one training; the defaults are the published ones (thesis 3.4.2) where there are any.
+class Settings(Section, section="posenet"):
+    """Of one training; the defaults are the published ones (thesis 3.4.2) where there are any."""
 
-    pretraining, pretraining_batch : iterations of stage 1 and people in each. steps, batch : of stage 2.
-    lifting : iterations of a stage between them (ours): only what follows F3D is trained, on heatmaps drawn from the 2D
-        labels of people with 3D labels, so that stage 2 starts with a network that lifts.
-    studio : share of 3D-labelled people in a mini-batch of stage 2 (not published).
-    optimizer : adadelta (rho 0.9) or adam. schedule : exponential, `decay` (not published) over `decay_steps`, or
-        cosine, down to 0 at the stage's end after a short warm-up; both start anew in stage 2.
-    discrepancy : in stage 2 the pre-trained layers learn so many times slower; 100 when only Human3.6M has 3D labels.
-    sigma : of a heatmap's peak, in its pixels (not published).
-    augment : how much crops are changed (`augment.augment`); the thesis crops, shifts and turns, and not by how much.
-        `replace` is the chance of another background, out of the people without 3D labels.
-    people : how many synthetic ones of each domain to train with, and how many of each to test with. labelled : domains
-        of which the training knows the 3D labels; the thesis knows those of the studio alone.
-    half : compute in bfloat16 on processors that have instructions for it, too. threads : CPU threads of torch; another
-        number may round differently.
-    """
-
-    pretraining: int = 186_000
-    pretraining_batch: int = 21
-    lifting: int = 0
-    steps: int = 240_000
-    batch: int = 10
-    studio: float = 0.5
-    optimizer: str = "adadelta"
-    learning_rate: float = 0.05
-    schedule: str = "exponential"
-    decay: float = 0.1
-    decay_steps: int = 60_000
-    discrepancy: float = 1.0
-    sigma: float = 1.0
-    input: int = 256
-    blocks: tuple = (3, 4, 6)
-    width: int = 64
-    free: int = 50
-    latent: int = 1024
-    camera: int = 256
-    weights: dict = field(default_factory=lambda: asdict(Weights()))
-    augment: dict = field(default_factory=lambda: AUGMENT.copy())
-    people: dict = field(default_factory=lambda: {"studio": 20_000, "wild": 20_000, "test": 2_000})
-    labelled: tuple = ("studio",)
-    half: bool = False
-    threads: int = 1
+    pretraining: int = key(186_000, "stage 1: heatmaps alone, of people with 2D labels", "iterations", NATURAL)
+    pretraining_batch: int = key(21, "people in each of them", limits=COUNT)
+    lifting: int = key(
+        0,
+        "a stage between the two: only what follows F3D is trained, on heatmaps drawn from the 2D labels of people "
+        "with 3D labels, so that stage 2 starts with a network that lifts",
+        "iterations",
+        NATURAL,
+        published=UNPUBLISHED,
+    )
+    steps: int = key(240_000, "stage 2: every loss", "iterations", COUNT)
+    batch: int = key(10, "people in each of them", limits=COUNT)
+    studio: float = key(
+        0.5, "share of people with 3D labels in a mini-batch of stage 2", limits=SHARE, published=UNPUBLISHED
+    )
+    optimizer: str = key("adadelta", "of all stages; adadelta with a rho of 0.9", limits=one_of("adadelta", "adam"))
+    learning_rate: float = key(0.05, "of the optimiser, its highest", limits=POSITIVE)
+    schedule: str = key(
+        "exponential",
+        "of the rate: exponential decay, or cosine down to 0 after a short rise; starts anew in every stage",
+        limits=one_of("exponential", "cosine"),
+    )
+    decay: float = key(0.1, "what the rate is multiplied by over decay_steps", limits=POSITIVE, published=UNPUBLISHED)
+    decay_steps: int = key(60_000, "of the exponential schedule", "iterations", COUNT)
+    discrepancy: float = key(
+        1.0,
+        "how many times slower pre-trained layers learn in stage 2; 100 when only Human3.6M has 3D labels",
+        limits=POSITIVE,
+    )
+    sigma: float = key(1.0, "of a heatmap's peak", "its pixels", POSITIVE, published=UNPUBLISHED)
+    input: int = key(256, "side of the crop", "pixels", {"minimum": 16, "multipleOf": 16})
+    blocks: tuple = key((3, 4, 6), "in ResNet's levels 2 to 4", limits=counts(3))
+    width: int = key(64, "channels of ResNet's first level", limits=COUNT)
+    free: int = key(50, "free channels, beside the joints' heatmaps", limits=COUNT)
+    latent: int = key(1024, "numbers of z", limits=COUNT)
+    camera: int = key(256, "units of the camera network", limits=COUNT)
+    weights: dict = key(
+        asdict(Weights()),
+        "of the loss terms (eq. 3.8)",
+        limits=WEIGHT,
+        parts={
+            "heatmap": "2D heatmaps",
+            "pose": "3D joints of people with 3D labels",
+            "bone_vector": "their bones",
+            "bone_length": "bone lengths of the others (eq. 3.6)",
+            "projection": "3D joints through the camera against 2D labels",
+        },
+    )
+    augment: dict = key(
+        {"scale": 0.2, "rotate": 30.0, "translate": 0.1, "colour": 0.2, "replace": 0.0, "occlude": 0.0, "blur": 0.0},
+        "how much crops are changed",
+        limits=WEIGHT,
+        parts={
+            "scale": "zoom, share of the size",
+            "rotate": "turn, degrees",
+            "translate": "shift, share of the side",
+            "colour": "contrast, share",
+            "replace": "chance of another background, of the people without 3D labels",
+            "occlude": "chance that pieces of backgrounds cover a person",
+            "blur": "Gaussian blur of at most so many pixels, of every second crop",
+        },
+        published=UNPUBLISHED,
+    )
+    people: dict = key(
+        {"studio": 20_000, "wild": 20_000, "test": 2_000},
+        "synthetic people, for want of data sets",
+        limits=COUNT,
+        parts={
+            "studio": "to train with, of the studio",
+            "wild": "to train with, of the wild",
+            "test": "to test with, of each domain",
+        },
+        published=UNPUBLISHED,
+    )
+    labelled: tuple = key(
+        ("studio",), "domains of which the training knows the 3D labels", limits=some_of("studio", "wild", least=1)
+    )
+    half: bool = key(
+        False, "compute in bfloat16 on processors that have instructions for it, too", published=UNPUBLISHED
+    )
+    threads: int = key(
+        1, "CPU threads of torch, the budget's `threads` where left out", limits=COUNT, published=LEFT_OUT
+    )
 
     def __post_init__(self):
-        for key, known in {"optimizer": OPTIMIZERS, "schedule": SCHEDULES}.items():
-            if getattr(self, key) not in known:
-                raise CospeechError(f"budget: posenet.{key} is {getattr(self, key)!r}; known: {', '.join(known)}")
+        super().__post_init__()
         if not 0 <= self.studio <= 1:
             raise CospeechError(f"budget: posenet.studio is {self.studio}, a share between 0 and 1 is expected")
 

@@ -11,14 +11,22 @@ import numpy as np
 from cospeech.clip import put_strings
 from cospeech.errors import CospeechError, notice
 from cospeech.files import put, reading_hdf5, writing_hdf5
+from cospeech.learning.settings import COUNT, UNPUBLISHED, Section, key
 
 SCHEMA = "cospeech.reference_frames"
-COUNT, SIZE = 16, 224  # pictures of a speaker and their side in pixels; the published size is not known
 SIDE = 2.8  # of what a picture shows, in shoulder widths: from above the head to the waist
 BELOW = 0.2  # its centre, below the middle of the shoulders, in shoulder widths
 PROFILE = 1.2  # shoulder widths in the distance of head and shoulders, for who stands sideways
 HEAD, LIMB = 0.55, 0.4  # radius of a head and width of a limb with its sleeve, in shoulder widths
 SUFFIX = ".h5"
+
+
+@dataclass(frozen=True)
+class Settings(Section, section="reference_frames"):
+    """Of the pictures of each speaker; the published size is not known."""
+
+    count: int = key(16, "pictures of each speaker", limits=COUNT, published=UNPUBLISHED)
+    size: int = key(224, "side of a picture", "pixels", {"minimum": 64, "multipleOf": 32}, published=UNPUBLISHED)
 
 
 @dataclass
@@ -52,7 +60,7 @@ class ReferenceFrames:
             return cls(str(file.attrs["subject"]), *arrays, str(file.attrs["licence_note"]))
 
 
-def take_reference_frames(subject, films, stretches, *, count=COUNT, size=SIZE):
+def take_reference_frames(subject, films, stretches, *, count=Settings.count, size=Settings.size):
     """`ReferenceFrames` of a speaker: `count`, or all there are, spread evenly over the takes and over each take.
 
     Parameters

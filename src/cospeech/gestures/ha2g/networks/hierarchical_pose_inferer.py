@@ -4,7 +4,6 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.errors import CospeechError
 from cospeech.gestures.ha2g.networks.gru import GRU
 from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 
@@ -35,8 +34,6 @@ def inferred_levels(table, hierarchy="full"):
     hierarchy : "full", every level; "none", the holistic generator of Table 4; "body", the hands at once (Table 4's
         "without hand hierarchy"); "hands", the body at once ("without body hierarchy").
     """
-    if hierarchy not in HIERARCHIES:
-        raise CospeechError(f"budget: ha2g.pose_hierarchy is {hierarchy!r}; known: {', '.join(HIERARCHIES)}")
     of_hands = lambda v: any(finger in table.joints[table.bones[v][1]] for finger in FINGERS)  # noqa: E731
     body = [level for level, added in enumerate(table.levels) if not of_hands(added[0])]
     hands, last = range(len(body), len(table.levels)), len(table.levels) - 1
