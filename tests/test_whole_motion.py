@@ -3,15 +3,21 @@
 from dataclasses import replace
 
 import numpy as np
+import pybvh
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from cospeech.clip import Clip, speaker_bones
+from cospeech.clip import Clip, speaker_build
 from cospeech.errors import CospeechNotice
+from cospeech.formats.export import export_clip
+from cospeech.formats.ik import NAMES, SOURCES
 from cospeech.gestures.generator import Recordings, Speech
 from cospeech.matching import Database
 from cospeech.matching.knn import RANK
 from cospeech.matching.search.similarity import Settings, train_similarity
-from cospeech.skeleton import UPPER55, bone_lengths
+from cospeech.skeleton import BASES, CHAINS, HAND_ROOTS, UPPER55, Build, bone_lengths, to_parent_relative
 from cospeech.speech import write_wav
 from cospeech.split import split_clips
 from cospeech.synthesis import load, synthesize, train
@@ -25,7 +31,6 @@ NETWORKS = {
 }  # fmt: skip
 HIPS = UPPER55.joints("right_hip", "left_hip")
 WRISTS = UPPER55.joints("right_wrist", "left_wrist")
-HAND_ROOTS = UPPER55.joints("right_hand_root", "left_hand_root")
 PLACE = np.array([[-0.09, -0.05, 0.01], [0.09, -0.05, 0.01]], np.float32)
 RATE = 16000
 
@@ -53,9 +58,9 @@ def subject(tmp_path_factory, clips):
     database = Database.from_clips(clips)
     database.save(folder / "database.h5")
     train_similarity(database, Settings(steps=3, embedding=8))[0].save(folder / RANK)
-    for model, settings in NETWORKS.items():
+    for model, budget in NETWORKS.items():
         given = {"database": database} if model == "resync" else {}
-        train(model, Recordings(clips, **given), settings, seed=0, folder=folder / "models" / model, threads=1)
+        train(model, Recordings(clips, **given), budget, seed=0, folder=folder / "models" / model, threads=1)
     return folder
 
 
@@ -70,7 +75,7 @@ def speak(subject, model, seconds=9.0, audio_rank=None, **options):
 def test_bones_are_the_speakers_and_hands_are_at_their_wrists(subject, clips, model, smoothing):
     made = speak(subject, model, smoothing=smoothing).positions
     relative = np.linalg.norm(made - made[:, np.where(UPPER55.tree < 0, UPPER55.root, UPPER55.tree)], axis=-1)
-    assert np.abs(relative - speaker_bones(clips)).max() < 1e-5
+    assert np.abs(relative - speaker_build(clips).bone_lengths).max() < 1e-5
     assert np.linalg.norm(made[:, HAND_ROOTS] - made[:, WRISTS], axis=-1).max() < 1e-6
 
 
@@ -91,8 +96,8 @@ def test_the_refiner_leaves_constant_channels_whatever_it_is_given(clips, residu
 
     from cospeech.matching.resync.gan import ResyncTask, settings_from
 
-    settings = settings_from({**NETWORKS["resync"], "residual": residual})
-    network = ResyncTask(clips, settings, 0, Database.from_clips(clips)).generator.eval()
+    asked = settings_from({**NETWORKS["resync"], "residual": residual})
+    network = ResyncTask(clips, asked, 0, Database.from_clips(clips)).generator.eval()
     torch.nn.init.normal_(network.decoder.head.weight)
     rng = torch.Generator().manual_seed(0)
     features, matched = (torch.randn(2, n, 64, generator=rng) for n in (28, 165))
@@ -134,19 +139,69 @@ def test_the_learned_rank_is_the_default_where_there_is_one(subject, tmp_path):
     assert np.array_equal(made(subject), made(subject, "learned")) and not np.array_equal(made(subject), plain)
 
 
-def test_bones_of_invalid_frames_do_not_count():
+def test_build_of_valid_frames_alone():
     clip = make_clip(0)
     torn = clip.positions.copy()
     torn[100:] *= 2.0
     half = replace(clip, positions=torn, valid=np.arange(clip.frames) < 100)
-    np.testing.assert_allclose(speaker_bones([half]), bone_lengths(clip.positions), atol=1e-6)
-    assert np.array_equal(Database.from_clips([half]).bone_lengths, speaker_bones([half]))
+    np.testing.assert_allclose(speaker_build([half]).bone_lengths, bone_lengths(clip.positions), atol=1e-6)
+    assert same(Database.from_clips([half]).build, speaker_build([half]))
 
 
-def test_a_database_keeps_the_bones(subject, clips):
+def test_a_database_keeps_the_build(subject, clips):
     extended = Database.from_clips(clips[:2]).extend(clips[2:])
-    assert np.array_equal(Database.load(subject / "database.h5").bone_lengths, speaker_bones(clips))
-    assert np.array_equal(extended.bone_lengths, speaker_bones(clips))
+    assert same(Database.load(subject / "database.h5").build, speaker_build(clips))
+    assert same(extended.build, speaker_build(clips))
+
+
+def same(one, other):
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("bone_lengths", "palms"))
+
+
+def turned_hands(rng, frames):
+    """A motion whose palms are rigid and turn anyhow."""
+    positions = np.repeat(make_clip(0, 1).positions, frames, axis=0).astype(float)
+    turns = Rotation.random(2 * frames, random_state=rng).as_matrix().reshape(frames, 2, 3, 3)
+    palms = rng.normal(size=(2, 5, 3)) * 0.05
+    moved = np.einsum("thab,hpb->thpa", turns, palms) + positions[:, HAND_ROOTS, None] - positions[:, BASES]
+    for i in range(4):
+        positions[:, CHAINS[..., i]] += moved
+    return positions
+
+
+def distances(positions):
+    """Between the bases of each hand's fingers, and to the hand root: (T, 2, 6, 6)."""
+    points = np.concatenate([positions[:, HAND_ROOTS, None], positions[:, BASES]], axis=2)
+    return np.linalg.norm(points[..., None, :] - points[..., None, :, :], axis=-1)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_rigid_palms_stay_as_they_are_and_torn_ones_become_rigid(seed):
+    rng = np.random.default_rng(seed)
+    positions = turned_hands(rng, 6)
+    build = Build.measure(positions)
+    np.testing.assert_allclose(build.restored(positions), positions, atol=1e-9)
+    torn = positions + rng.normal(size=positions.shape) * 0.01
+    whole = build.restored(torn)
+    np.testing.assert_allclose(distances(whole), np.broadcast_to(distances(positions)[:1], (6, 2, 6, 6)), atol=1e-9)
+    fingers = np.linalg.norm(to_parent_relative(whole), axis=-1)[:, 13:]
+    np.testing.assert_allclose(fingers, np.broadcast_to(build.bone_lengths[13:], fingers.shape), atol=1e-9)
+    assert np.linalg.norm(whole - positions, axis=-1).max() < 0.2  # fingers still point where they did, nearly
+
+
+@pytest.mark.parametrize("model", [*NETWORKS, "knn"])
+def test_exported_bones_are_the_clips(subject, model, tmp_path):
+    """A BVH can only turn bones, so it agrees with a clip where palms are as rigid as its bones are long."""
+    clip = speak(subject, model)
+    export_clip(clip, tmp_path / "talk.bvh")
+    read = pybvh.read_bvh_file(str(tmp_path / "talk.bvh"))
+    found = read.joint_positions()[:, [list(read.joint_names).index(name) for name in NAMES]] / 100
+    hands = [i for i, name in enumerate(NAMES) if "Hand" in name]
+    wrist = [NAMES.index("LeftHand" if "Left" in NAMES[i] else "RightHand") for i in hands]
+    made = clip.positions[:, SOURCES]
+    apart = (found[:, hands] - found[:, wrist]) - (made[:, hands] - made[:, wrist])
+    assert np.linalg.norm(apart, axis=-1).max() < 1e-3
 
 
 def test_command_line_names_the_published_search(subject, clips, tmp_path):

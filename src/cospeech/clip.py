@@ -9,7 +9,7 @@ import numpy as np
 from cospeech import __version__
 from cospeech.errors import CospeechError
 from cospeech.files import put, reading_hdf5, writing_hdf5
-from cospeech.skeleton import UPPER55, bone_lengths, with_bone_lengths
+from cospeech.skeleton import UPPER55, Build
 
 SCHEMA = "cospeech.clip"
 FEATURES = 28
@@ -44,7 +44,7 @@ class Motion:
 
     positions (T, 55, 3) metres, pelvis-relative, x left, y up, z forward; rotation (T, 3) head rotation as axis-angle
     in radians, or None; expression (T, E) coefficients of `face_model`, or None; trace, where the frames are from;
-    bone_lengths (55,) metres, the speaker's, which motion gets at last (`whole`); None for the speaker's own frames.
+    build, the speaker's, which motion gets at last (`whole`); None for the speaker's own frames.
     """
 
     positions: np.ndarray
@@ -52,16 +52,16 @@ class Motion:
     expression: np.ndarray | None = None
     face_model: str = ""
     trace: "Trace | None" = None
-    bone_lengths: np.ndarray | None = None
+    build: Build | None = None
 
     def __len__(self):
         return len(self.positions)
 
     def whole(self):
-        """With the speaker's bones: directions stay, lengths become the speaker's, hand roots lie at their wrists."""
-        if self.bone_lengths is None:
+        """With the speaker's build: bones and palms keep their size, hand roots lie at their wrists."""
+        if self.build is None:
             return self
-        return replace(self, positions=with_bone_lengths(self.positions, self.bone_lengths).astype(np.float32))
+        return replace(self, positions=self.build.restored(self.positions).astype(np.float32))
 
 
 @dataclass
@@ -286,7 +286,6 @@ class Clip:
         )  # fmt: skip
 
 
-def speaker_bones(clips):
-    """A speaker's bone lengths (55,) in metres: of each clip's valid frames the median, and of these the median."""
-    lengths = [bone_lengths(clip.positions[clip.valid]) for clip in clips if clip.valid.any()]
-    return np.median(lengths, axis=0).astype(np.float32)
+def speaker_build(clips):
+    """A speaker's `Build`: of each clip's valid frames the medians, and of these the median."""
+    return Build.median([Build.measure(clip.positions[clip.valid]) for clip in clips if clip.valid.any()])

@@ -321,7 +321,7 @@ def test_the_resynchroniser_refines_controlled_motion(database):
             return {"motion": matched}
 
     resync = Resynchronizer.__new__(Resynchronizer)
-    resync.knn, resync.network, resync.bone_lengths = KNN(database), Network(), np.full(55, 0.1)
+    resync.knn, resync.network, resync.build = KNN(database), Network(), None
     features, matches = np.zeros((40, 28), np.float32), []
     resync.generate(features, controls=["left_wrist_height=high"], report=matches.append)
     free = resync.knn.match(features)

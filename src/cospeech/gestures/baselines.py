@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.clip import Clip, Motion, speaker_bones
+from cospeech.clip import Clip, Motion, speaker_build
 from cospeech.errors import CospeechError
 from cospeech.gestures.generator import Speech
 from cospeech.split import Split
@@ -77,7 +77,7 @@ class MeanPose(Stretches):
 
     def __init__(self, clips):
         super().__init__(clips)
-        self.bone_lengths = speaker_bones(clips)
+        self.build = speaker_build(clips)
 
     def generate(self, speech, *, seed=0):
         """Speech -> Motion of T frames, all the same; `seed` changes nothing."""
@@ -89,7 +89,7 @@ class MeanPose(Stretches):
             for name in self.names
         }
         held = {name: array.astype(np.float32) for name, array in held.items()}
-        return replace(whole, **held, bone_lengths=self.bone_lengths)
+        return replace(whole, **held, build=self.build)
 
 
 class RandomTake(Stretches):

@@ -107,5 +107,5 @@ def database_of(folder, audio_rank=None):
 def motion_of(match, seams="off", **settings):
     """The Motion of a `Match`, for callers that keep both the motion and where it is from."""
     positions, rotation = smoothed(match, seams)
-    bones = None if seams == "off" else match.database.bone_lengths
-    return Motion(positions, rotation, trace=trace_of(match, seams=seams, **settings), bone_lengths=bones)
+    build = None if seams == "off" else match.database.build
+    return Motion(positions, rotation, trace=trace_of(match, seams=seams, **settings), build=build)

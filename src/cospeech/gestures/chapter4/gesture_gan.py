@@ -123,7 +123,7 @@ class GestureTask:
             )
         self.description = {
             "model": model, "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
-            "bone_lengths": self.pairs.bone_lengths.tolist(),
+            **self.pairs.build.lists(),
             "face_model": self.pairs.face_model, "multiple": MULTIPLE, "halo": HALO,
         }  # fmt: skip
 

@@ -5,6 +5,7 @@ import numpy as np
 from cospeech.gestures.chapter4.vectors import vectors_to_motion
 from cospeech.gestures.generator import Speech
 from cospeech.learning.weights import OnnxNetwork
+from cospeech.skeleton import Build
 
 
 class GestureGenerator:
@@ -13,7 +14,7 @@ class GestureGenerator:
     def __init__(self, path, threads=None):
         self.network = OnnxNetwork(path, threads)
         self.description = self.network.description
-        self.bone_lengths = np.array(self.description["bone_lengths"], np.float32)
+        self.build = Build.of(self.description)
 
     @classmethod
     def load(cls, name, folder, threads=None):
@@ -27,7 +28,7 @@ class GestureGenerator:
         """
         del seed
         vectors = self.network.run_long(features=Speech.of(speech).features)
-        return vectors_to_motion(vectors, self.description["face_model"], self.bone_lengths)
+        return vectors_to_motion(vectors, self.description["face_model"], self.build)
 
 
 class Sampler(GestureGenerator):
@@ -54,4 +55,4 @@ class Sampler(GestureGenerator):
         if self.targets:
             wanted = self.targets[50] if target is None else target
             given["control"] = np.broadcast_to(np.asarray(wanted, np.float32), len(features))[:, None]
-        return vectors_to_motion(self.network.run_long(**given), bone_lengths=self.bone_lengths)
+        return vectors_to_motion(self.network.run_long(**given), build=self.build)

@@ -68,7 +68,7 @@ class LSTMTask:
         self.optimizers = {"generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate)}
         self.description = {
             "model": "lstm", "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
-            "bone_lengths": self.pairs.bone_lengths.tolist(),
+            **self.pairs.build.lists(),
             "face_model": self.pairs.face_model, "multiple": 1, "halo": None,
         }  # fmt: skip
 

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from cospeech.clip import speaker_bones
+from cospeech.clip import speaker_build
 from cospeech.gestures.chapter4.vectors import motion_to_vectors
 from cospeech.learning.training import device
 from cospeech.learning.unet1d import ZScored
@@ -19,7 +19,7 @@ class Pairs:
 
     Attributes: windows; channels {name: C}; statistics {name: (mean (C,), deviation (C,))}; changes {name: deviation
     (C,) of the change from frame to frame}; parts, those of `PARTS` that there are; fps; face_model, "" without a face;
-    bone_lengths (55,), the speaker's.
+    build, the speaker's.
     """
 
     def __init__(self, clips, frames, further=None):
@@ -36,7 +36,7 @@ class Pairs:
         self.parts = [part for part in PARTS if part in names]
         self.fps = clips[0].fps
         self.face_model = clips[0].face_model if "face" in names else ""
-        self.bone_lengths = speaker_bones(clips)
+        self.build = speaker_build(clips)
 
     def sample(self, rng, count):
         """`count` random windows, {name: (count, C, frames) float32 tensor on the training device}."""

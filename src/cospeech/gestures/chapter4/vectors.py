@@ -27,14 +27,14 @@ def motion_to_vectors(motion):
     return {name: vector.astype(np.float32) for name, vector in vectors.items()}
 
 
-def vectors_to_motion(vectors, face_model="", bone_lengths=None):
+def vectors_to_motion(vectors, face_model="", build=None):
     """Inverse of `motion_to_vectors`, with the pelvis at the origin, where a network puts it only nearly.
 
-    bone_lengths : (55,) metres, the speaker's, for `Motion.whole`.
+    build : the speaker's, for `Motion.whole`.
     """
     frames = len(vectors["body"])
     body = vectors["body"][:, :-3].reshape(frames, -1, 3).copy()
     body[:, UPPER55.root] = 0
     hands = vectors["hands"].reshape(frames, -1, 3) + body[:, WRISTS]
     positions = np.concatenate([body, hands], axis=1)
-    return Motion(positions, vectors["body"][:, -3:], vectors.get("face"), face_model, bone_lengths=bone_lengths)
+    return Motion(positions, vectors["body"][:, -3:], vectors.get("face"), face_model, build=build)

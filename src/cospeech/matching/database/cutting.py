@@ -21,7 +21,7 @@ from cospeech.matching.database.descriptors import (
     look_ahead,
     real_ahead,
 )
-from cospeech.skeleton import UPPER55, bone_lengths
+from cospeech.skeleton import UPPER55, Build
 
 
 @dataclass
@@ -31,7 +31,7 @@ class Parts:
     positions (M, F, 55, 3), rotation (M, F, 3) or None, real (M, F) bool : as in `Database`.
     speech (M, F, 14) f4 : the searched speech features as they came.
     joints_after (S, 14, 24), speech_after (S, 14, 14) f4 : the 14 frames after each stretch's last clip.
-    clips (S,) i4, bones (S, 55) f4 : each stretch's number of clips and median bone lengths, metres.
+    clips (S,) i4 : each stretch's number of clips. bones (S, 55) f4, palms (S, 2, 5, 3) f4 : its `Build`.
     take (M,) i4 into `takes`, start (M,) seconds.
     words, word_take : what was said, and in which take.
     """
@@ -44,6 +44,7 @@ class Parts:
     speech_after: np.ndarray
     clips: np.ndarray
     bones: np.ndarray
+    palms: np.ndarray
     take: np.ndarray
     takes: list
     start: np.ndarray
@@ -69,13 +70,14 @@ def parts_of(take, positions, features, valid, rotation, start, words, clip_fram
     whole = len(positions) // clip_frames
     kept = whole * clip_frames
     cut = lambda array: array[:kept].reshape(whole, clip_frames, *array.shape[1:])  # noqa: E731
-    bones = bone_lengths(positions[valid] if valid.any() else positions)
+    build = Build.measure(positions[valid] if valid.any() else positions)
     after = np.minimum(np.arange(kept, kept + LOOKAHEAD), len(positions) - 1)
     return Parts(
         cut(positions).astype(np.float32), None if rotation is None else cut(rotation).astype(np.float32),
         cut(real_ahead(valid)), cut(features[:, :STATIC]).astype(np.float32),
         joints_of(positions[after])[None].astype(np.float32), features[after, :STATIC][None].astype(np.float32),
-        np.array([whole], np.int32), bones[None].astype(np.float32),
+        np.array([whole], np.int32), build.bone_lengths[None].astype(np.float32),
+        build.palms[None].astype(np.float32),
         np.zeros(whole, np.int32), [take], start + np.arange(whole) * clip_frames / fps,
         Words(words.start + start, words.end + start, list(words.text)), np.zeros(len(words), np.int32),
     )  # fmt: skip

@@ -22,12 +22,15 @@ from cospeech.matching.database.descriptors import (
     Normalization,
 )
 from cospeech.matching.database.sources import stretches
-from cospeech.skeleton import UPPER55
+from cospeech.skeleton import UPPER55, Build
 
 SCHEMA = "cospeech.database"
 CLIP_FRAMES = 64  # T_match of Algorithm 1
 WIDTHS = {"pose": (POSE_WIDTH,), "audio": (AUDIO_WIDTH,), "positions": (len(UPPER55), 3), "speech": (STATIC,)}
-SMALL = ("rotation", "eligible", "real", "take", "start", "word_take", "joints_after", "speech_after", "clips", "bones")
+SMALL = (
+    *("rotation", "eligible", "real", "take", "start", "word_take"),
+    *("joints_after", "speech_after", "clips", "bones", "palms"),
+)
 GROUPS = ("normalization", "signals", "takes", "words")
 # Whether a window may run on into its take's next clip, and how many frames before it the compared pose lies.
 PLACEMENTS = {
@@ -53,7 +56,7 @@ class Database:
     words, word_take : what was said, in seconds of the take; (W,) int32 into `takes`.
     real : (M, F) bool, frames whose features look ahead to real frames only.
     signals : {name: StoredSignal}, control signals of every frame.
-    speech, joints_after, speech_after, clips, bones, moments : for `extend`, see `Parts`; moments of both features.
+    speech, joints_after, speech_after, clips, bones, palms : for `extend`, see `Parts`. moments : of both features.
     match_offset : 1 where a window follows the frame that resembles the pose so far, see `placed`.
     """
 
@@ -77,6 +80,7 @@ class Database:
     speech_after: np.ndarray | None = None
     clips: np.ndarray | None = None
     bones: np.ndarray | None = None
+    palms: np.ndarray | None = None
     moments: tuple = ()
     match_offset: int = 0
     kept: dict = field(default_factory=dict, repr=False, compare=False)  # by searches, for all copies of the features
@@ -90,9 +94,9 @@ class Database:
         return self.pose.shape[1]
 
     @property
-    def bone_lengths(self):
-        """(55,) float32 metres, the speaker's: the median over all stretches, as `cospeech.clip.speaker_bones`."""
-        return np.median(self.bones, axis=0).astype(np.float32)
+    def build(self):
+        """The speaker's `Build`: the median over all stretches, as `cospeech.clip.speaker_build`."""
+        return Build.median([Build(*both) for both in zip(self.bones, self.palms, strict=True)])
 
     def time(self, clip, frame):
         """Seconds in its take of frame `frame` of clip `clip` (ints or arrays)."""
@@ -197,8 +201,8 @@ class Database:
         database = cls(
             pose, audio, parts.positions, parts.rotation, _window_starts(parts.real), parts.take, parts.takes,
             parts.start, float(fps), *normalizations, parts.words, parts.word_take, parts.real, speech=parts.speech,
-            joints_after=parts.joints_after, speech_after=parts.speech_after, clips=parts.clips, bones=parts.bones,
-            moments=moments,
+            joints_after=parts.joints_after, speech_after=parts.speech_after, clips=parts.clips,
+            bones=parts.bones, palms=parts.palms, moments=moments,
         )  # fmt: skip
         database._add_known_signals(signals or {})
         return database

@@ -11,7 +11,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from cospeech.clip import speaker_bones
+from cospeech.clip import speaker_build
 from cospeech.errors import CospeechError, notice
 from cospeech.learning.settings import (
     BETAS,
@@ -235,7 +235,7 @@ class ResyncTask:
         self.own = self.windows.statistics("matched") if settings.statistics == "mixed" else statistics["motion"]
         self.description = {
             "model": "resync", "settings": asdict(settings), "fps": fps, "multiple": MULTIPLE, "halo": HALO,
-            "bone_lengths": speaker_bones(clips).tolist(),
+            **speaker_build(clips).lists(),
         }  # fmt: skip
 
     def _signal_statistics(self, conditions):

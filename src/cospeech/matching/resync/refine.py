@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from cospeech.gestures.generator import Speech
 from cospeech.learning.weights import OnnxNetwork
 from cospeech.matching.knn import KNN
-from cospeech.skeleton import UPPER55, from_parent_relative, to_parent_relative
+from cospeech.skeleton import UPPER55, Build, from_parent_relative, to_parent_relative
 
 
 class Resynchronizer:
@@ -16,7 +14,7 @@ class Resynchronizer:
     def __init__(self, knn, path, threads=None):
         self.knn = knn
         self.network = OnnxNetwork(path, threads)
-        self.bone_lengths = np.array(self.network.description["bone_lengths"], np.float32)
+        self.build = Build.of(self.network.description)
 
     @classmethod
     def load(cls, name, folder, threads=None, audio_rank=None):
@@ -33,4 +31,4 @@ class Resynchronizer:
         relative = refined.reshape(matched.positions.shape)
         relative[:, UPPER55.root] = 0  # the pelvis is the origin, where the network puts it only nearly
         positions = from_parent_relative(relative)
-        return replace(matched, positions=positions, bone_lengths=self.bone_lengths)
+        return replace(matched, positions=positions, build=self.build)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cospeech.clip import Motion
-from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, bone_lengths, with_bone_lengths
+from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, Build, rotations_between, with_bone_lengths
 
 # Metres from the joint `head`, x left, y up, z forward: an average adult's face, our own choice.
 POINTS = {
@@ -97,7 +97,7 @@ def measure_figure(clips, table):
     positions = np.concatenate([clip.positions[clip.valid] for clip in clips]).astype(np.float64)
     axes = np.concatenate([head_axes(clip.positions, clip.rotation)[clip.valid] for clip in clips])
     rest = positions.mean(axis=0, keepdims=True)
-    rest = with_bone_lengths(rest - rest[:, [UPPER55.root]], bone_lengths(positions))[0]
+    rest = Build.measure(positions).restored(rest - rest[:, [UPPER55.root]])[0]
     skull = positions[:, [NECK, HEAD_TOP]] - positions[:, [HEAD]]
     return Figure(mean_lengths(clips, table), rest, np.einsum("tji,tpj->pi", axes, skull) / len(axes))
 
@@ -128,9 +128,9 @@ def motion_from_vectors(vectors, table, figure):
         _bend_tips(positions)
     else:
         _mean_hands(positions, figure)
-    lengths = bone_lengths(figure.rest[None])
-    positions = with_bone_lengths(positions, lengths).astype(np.float32)
-    return Motion(positions, Rotation.from_matrix(axes).as_rotvec().astype(np.float32), bone_lengths=lengths)
+    build = Build.measure(figure.rest[None])
+    positions = with_bone_lengths(positions, build.bone_lengths).astype(np.float32)
+    return Motion(positions, Rotation.from_matrix(axes).as_rotvec().astype(np.float32), build=build)
 
 
 def _bones(positions, rotation, table):
@@ -151,10 +151,7 @@ def _fitted_head(joints, table, figure):
         names, templates["neck"] = ["neck", *names], figure.skull[0]
     template = np.array([templates[name] for name in names])
     seen = joints[:, [table.places.index(name) for name in names]]
-    spread = np.einsum("tpi,pj->tij", seen - seen.mean(axis=1, keepdims=True), template - template.mean(axis=0))
-    u, _, vt = np.linalg.svd(spread)
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]  # a rotation, never a reflection
-    return u @ vt
+    return rotations_between(template - template.mean(axis=0), seen - seen.mean(axis=1, keepdims=True))
 
 
 def _bend_tips(positions):
