@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-import yaml
 from timing import timed
 
 from cospeech.clip import Clip
+from cospeech.files import read_yaml
 from cospeech.gestures.chapter4.models import gesture_task
 from cospeech.gestures.generator import find, resolve
 from cospeech.learning.weights import export_onnx
@@ -62,7 +62,7 @@ def main():
     parser.add_argument("--hour", type=float, default=3600.0, help="seconds of the long speech")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    budget, rng = yaml.safe_load(BUDGET.read_text()), np.random.default_rng(0)
+    budget, rng = read_yaml(BUDGET), np.random.default_rng(0)
     speech = lambda seconds: rng.normal(size=(round(seconds * FPS), 28)).astype(np.float32)  # noqa: E731
     with tempfile.TemporaryDirectory() as folder:
         for model in ("regression", "lstm", "moglow"):

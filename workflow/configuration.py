@@ -1,6 +1,5 @@
 """Config, subject and budget files, read and checked before any job runs; every mistake is one line."""
 
-import difflib
 import os
 import sys
 import warnings
@@ -8,16 +7,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-import yaml
-from jsonschema import Draft202012Validator
-from jsonschema.exceptions import best_match
+from place import DEFAULT, elsewhere
 from video_takes import film_takes
 
+from cospeech.commands.schema import check_schema, config_schema
+from cospeech.commands.schema import read_mapping as read_yaml
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.gestures.generator import find, named
+from cospeech.gestures.generator import find
 from cospeech.split import PARTS, split_clips
 
-DEFAULT = Path("config/config.yaml")
 SCHEMAS = Path(__file__).parent / "schemas"
 SHARES = {"train": 0.8, "val": 0.1, "test": 0.1, "by": "take"}
 
@@ -94,22 +92,6 @@ def on_film(subjects, results):
     return films
 
 
-def check_place(workflow):
-    """End a run that was started where there is no configuration, by one line that says where there is."""
-    if not DEFAULT.is_file() and not workflow.overwrite_configfiles:
-        print(f"error: {_elsewhere(workflow.basedir, 'my.yaml')}", file=sys.stderr)
-        sys.exit(2)
-
-
-def _elsewhere(home, files):
-    """What to do where the default configuration is not found."""
-    default = Path(home) / DEFAULT
-    return (
-        f"{DEFAULT} was not found in {Path.cwd()}; start snakemake in {home}, or give the default here, before what "
-        f"differs from it: --configfile {default} {files}"
-    )
-
-
 def load_configuration(config, workflow):
     """`read_configuration` of a running workflow; a mistake is printed as one line and ends it with status 2."""
     files = dict.fromkeys([*workflow.overwrite_configfiles, *workflow.configfiles])
@@ -118,9 +100,7 @@ def load_configuration(config, workflow):
     try:
         lacks = [key for key in read_yaml(SCHEMAS / "config.schema.yaml")["required"] if key not in config]
         if lacks and not DEFAULT.is_file():
-            raise CospeechError(
-                f"{label}: key {lacks[0]!r} is missing; {_elsewhere(workflow.basedir, ' '.join(files))}"
-            )
+            raise CospeechError(f"{label}: key {lacks[0]!r} is missing; {elsewhere(workflow.basedir, ' '.join(files))}")
         subjects, budget = read_configuration(config, label or "config", workflow.basedir)
         for line in [line for subject in subjects.values() for line in subject.absent.values()]:
             print(f"note: {line}; left out", file=sys.stderr)
@@ -203,6 +183,13 @@ def _check_takes(takes, path):
         for key in ("motion", "audio", "clip", "words"):
             if key in take and not Path(take[key]).is_file():
                 raise CospeechError(f"{path}: take {take['id']!r}: {key}: {take[key]}: no such file")
+        _check_braces(f"{path}: take {take['id']!r}", take.get("film", ""))
+
+
+def _check_braces(where, path):
+    """Of paths that the schemas do not see, or not alone."""
+    if set("{}") & set(path):
+        raise CospeechError(f"{where}: {path}: Snakemake takes braces for wildcards; rename it")
 
 
 def _check_synthesis(config, subjects, label):
@@ -220,6 +207,7 @@ def _check_synthesis(config, subjects, label):
         for key, file in named.items():
             if not Path(file).is_file():
                 raise CospeechError(f"{where}: {key}: {file}: no such file")
+            _check_braces(f"{where}: {key}", file)
         result = entry["subject"], entry["model"], entry["name"]
         if result in seen or entry["name"] in subjects[entry["subject"]].takes:
             raise CospeechError(f"{where}: the name is taken by another entry or a take; results would collide")
@@ -286,56 +274,11 @@ def _locate(entry, folder, where):
     return folder / f"{entry}.yaml"
 
 
-def read_yaml(path):
-    """The mapping in a YAML file."""
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise CospeechError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
-    if not isinstance(content, dict):
-        raise CospeechError(f"{path}: expected keys and values, found {type(content).__name__}")
-    return content
-
-
 def schema_of(name):
-    """schemas/<name>.schema.yaml; where the configuration lists models they are those of the library."""
-    schema = read_yaml(SCHEMAS / f"{name}.schema.yaml")
-    if name == "config":
-        chosen = [model for model in named(learns="speaker") if model != "mean_pose"]  # that is a row of every table
-        schema["properties"]["models"]["items"] = {"enum": chosen}
-        schema["properties"]["ensemble"]["properties"]["models"]["items"] = {"enum": named(learns="speakers")}
-        for option in schema["properties"]["synthesis"]["items"]["dependentSchemas"].values():
-            option["properties"]["model"] = {"enum": named(needs="database")}
-    return schema
+    """schemas/<name>.schema.yaml; that of the configuration with the library's models."""
+    return config_schema() if name == "config" else read_yaml(SCHEMAS / f"{name}.schema.yaml")
 
 
 def check(content, schema, where):
     """CospeechError with one line on the worst mistake, unless `content` fits schemas/<schema>.schema.yaml."""
-    validator = Draft202012Validator(schema_of(schema))
-    error = best_match(validator.iter_errors(content))
-    if error:
-        raise CospeechError(f"{where}: {_line(error)}")
-
-
-def _line(error):
-    """A validation error as 'key: what is wrong; the remedy'."""
-    key = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in error.absolute_path).lstrip(".")
-    prefix = f"{key}: " if key else ""
-    if error.validator == "additionalProperties":
-        known = list(error.schema["properties"])
-        unknown = next(name for name in error.instance if name not in known)
-        close = difflib.get_close_matches(str(unknown), known, 1)
-        remedy = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(known)}"
-        return f"{prefix}unknown key {unknown!r}; {remedy}"
-    if error.validator == "required":
-        missing = next(name for name in error.validator_value if name not in error.instance)
-        return f"{prefix}key {missing!r} is missing"
-    if error.validator == "enum":
-        return f"{prefix}{error.instance!r} is not one of {', '.join(map(str, error.validator_value))}"
-    if error.validator == "pattern":
-        return f"{prefix}{error.instance!r} is no name; use letters, digits, _ and -"
-    if error.validator == "minItems":
-        return f"{prefix}the list is empty; give at least one"
-    return f"{prefix}{error.message}"
+    check_schema(content, schema_of(schema), where)

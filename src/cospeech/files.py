@@ -1,14 +1,19 @@
-"""Files that are whole or absent: everything the project writes goes through here."""
+"""Files that are whole or absent: all that the project writes goes through here, and every YAML file that it reads."""
 
 import hashlib
+import math
 import os
+import re
 from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
 import numpy as np
+import yaml
 
 from cospeech.errors import CospeechError
+
+YAML_BYTES, YAML_VALUES, YAML_DEPTH, YAML_DIGITS = 4_000_000, 300_000, 50, 18  # the most that a file of settings needs
 
 
 @contextmanager
@@ -70,3 +75,89 @@ def sha256(path):
     """Hexadecimal SHA-256 of a file's bytes."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_yaml(path, invalid="not valid YAML"):
+    """What a YAML file holds: dicts, lists, text, numbers, true and false.
+
+    path : a file, or one of a package (`importlib.resources`). invalid : the words for a file that is no YAML.
+    Raises CospeechError, one line with path and line, for what cannot be read, is too large (YAML_BYTES, YAML_VALUES
+    with aliases written out, YAML_DEPTH, YAML_DIGITS), for a key that is there twice, and for values that YAML reads
+    as something else than was meant: 013 (11), 1:30 (90), 2021-03-04 (a date), .nan.
+    """
+    try:
+        with (path if hasattr(path, "open") else Path(path)).open("rb") as file:
+            content = file.read(YAML_BYTES + 1)
+    except OSError as error:
+        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
+    if len(content) > YAML_BYTES:
+        raise CospeechError(f"{path}: larger than {YAML_BYTES / 1e6:g} MB; that is no file of settings")
+    try:
+        return _Loader(content.decode("utf-8")).get_single_data()
+    except (yaml.YAMLError, ValueError, LookupError) as error:  # the latter of explicit tags, as in !!int x
+        remedy = "; put a path with backslashes in 'single quotes'" if "escape" in str(error) else ""
+        raise CospeechError(f"{path}: {invalid} ({' '.join(str(error).split())}){remedy}") from error
+    except _Refused as error:
+        raise CospeechError(f"{path}: {error}") from error
+
+
+class _Refused(Exception):
+    def __init__(self, node, text):
+        super().__init__(f"line {node.start_mark.line + 1}: {text}")
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's safe loader with the limits and refusals of `read_yaml`."""
+
+    def __init__(self, stream):
+        super().__init__(stream)
+        self.depth, self.values, self.sizes = 0, 0, {}  # sizes: of every node, with all that is in it
+
+    def compose_node(self, parent, index):
+        event, before = self.peek_event(), self.values
+        self.depth += 1
+        if self.depth > YAML_DEPTH:
+            raise _Refused(event, f"nested more than {YAML_DEPTH} deep")
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        # An alias counts like what it stands for; within that itself it would have no end.
+        alias = isinstance(event, yaml.AliasEvent)
+        self.values += self.sizes.get(id(node), YAML_VALUES + 1) if alias else 1
+        if self.values > YAML_VALUES:
+            raise _Refused(event, f"more than {YAML_VALUES} values, with aliases (*name) written out")
+        if not alias:
+            self.sizes[id(node)] = self.values - before
+        return node
+
+    def compose_mapping_node(self, anchor):
+        node, first = super().compose_mapping_node(anchor), {}
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and (known := first.setdefault((key.tag, key.value), key)) is not key:
+                there = f"it is in line {known.start_mark.line + 1} already"
+                raise _Refused(key, f"key {key.value!r} is there twice, {there}; keep one")
+        return node
+
+    def construct_yaml_int(self, node):
+        text = node.value.lstrip("+-")
+        if len(text) > YAML_DIGITS:
+            raise _Refused(node, f"a number of {len(text)} digits; {YAML_DIGITS} are the most")
+        if ":" in text or re.match("0[0-9]", text):
+            read = f"{node.value} would be read as {super().construct_yaml_int(node)}"
+            remedy = "write seconds" if ":" in text else "a number has no 0 before it"
+            raise _Refused(node, f"{read}; {remedy}, and a name goes in quotes: '{node.value}'")
+        return super().construct_yaml_int(node)
+
+    def construct_yaml_float(self, node):
+        value = super().construct_yaml_float(node)
+        if ":" in node.value:
+            raise _Refused(node, f"{node.value} would be read as {value:g}; write seconds, or put it in quotes")
+        if not math.isfinite(value):
+            raise _Refused(node, f"{node.value} is no number to calculate with")
+        return value
+
+    def construct_yaml_timestamp(self, node):
+        raise _Refused(node, f"{node.value} would be read as a date; put it in quotes: '{node.value}'")
+
+
+for _kind in ("int", "float", "timestamp"):
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_kind}", getattr(_Loader, f"construct_yaml_{_kind}"))

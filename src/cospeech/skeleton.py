@@ -5,9 +5,9 @@ from functools import cached_property
 from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from cospeech.errors import CospeechError
+from cospeech.files import read_yaml
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Skeleton:
     @classmethod
     def load(cls, name):
         """The skeleton of `skeletons/<name>.yaml`."""
-        table = yaml.safe_load((files("cospeech") / "skeletons" / f"{name}.yaml").read_text())
+        table = read_yaml(files("cospeech") / "skeletons" / f"{name}.yaml")
         names = tuple(joint for joint, _ in table["joints"])
         parents = tuple(-1 if parent is None else names.index(parent) for _, parent in table["joints"])
         return cls(table["name"], names, parents, table.get("attach", {}))

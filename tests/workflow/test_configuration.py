@@ -66,6 +66,10 @@ def test_default_configuration_has_both_demo_speakers():
         ({"fps": "15"}, ["fps", "15"]),
         ({"fps": 0}, ["fps"]),
         ({"seed": -1}, ["seed"]),
+        ({"fps": "fast"}, ["fps", "'fast'", "a number"]),
+        ({"results_dir": 5}, ["results_dir", "'5'", "quotes"]),
+        ({"results_dir": "out{x}"}, ["results_dir", "out{x}", "braces"]),
+        ({"subjects": None}, ["subjects", "a list"]),
     ],
 )
 def test_mistakes_in_the_config(here, changes, words):
@@ -108,6 +112,12 @@ def test_mistakes_in_synthesis_entries(here, change, words):
         ({"source": MOCAP | {"takes": [TAKE | {"part": "train"}]}}, ["test", "empty"]),
         ({"source": {"kind": "demo", "speaker": "calm", "minutes": 0, "takes": 2}}, ["minutes"]),
         ({"split": {"train": 0.8, "vla": 0.1}}, ["split", "vla", "val"]),
+        ({"name": 12}, ["name", "'12'", "quotes"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"id": False}]}}, ["takes[0].id", "no", "quotes"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"start": "1:30"}]}}, ["takes[0].start", "'1:30'", "seconds"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"motion": "a{b}.bvh"}]}}, ["takes[0].motion", "a{b}.bvh", "braces"]),
+        ({"source": MOCAP | {"takes": [TAKE | {"audio": "C:\new.wav"}]}}, ["takes[0].audio", "single quotes"]),
+        ({"source": {"kind": "demo", "speaker": "calm", "minutes": 1, "takes": 1e12}}, ["takes", "maximum"]),
     ],
 )
 def test_mistakes_in_a_subject_file(here, change, words):
@@ -116,7 +126,17 @@ def test_mistakes_in_a_subject_file(here, change, words):
     assert all(word in message for word in words), message
 
 
-@pytest.mark.parametrize("text", ["- a\n- b\n", "name: [\n", "\x00"])
+def test_braces_in_a_list_of_films_and_in_a_synthesis(here):
+    (here / "a{b}.mp4").touch()
+    (here / "films.csv").write_text("id,video\nmonday,a{b}.mp4\n")
+    message = subject_complaint({"name": "x", "source": {"kind": "video", "manifest": "films.csv"}})
+    assert all(word in message for word in ("'monday'", "a{b}.mp4", "braces"))
+    (here / "a{b}.wav").touch()
+    entry = {"name": "talk", "subject": "tiny", "audio": "a{b}.wav", "model": "regression"}
+    assert "'talk': audio: a{b}.wav: Snakemake takes braces" in complaint("config.yaml", synthesis=[entry])
+
+
+@pytest.mark.parametrize("text", ["- a\n- b\n", "name: [\n", "\x00", "name: 013\n", "name: a\nname: b\n"])
 def test_a_file_that_is_no_mapping_is_named(here, text):
     (here / "bad.yaml").write_text(text)
     with pytest.raises(CospeechError, match=r"^bad\.yaml: .*$"):

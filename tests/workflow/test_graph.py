@@ -10,6 +10,7 @@ import tomllib
 import pytest
 from digest import library_code, library_files
 
+from tests.test_yaml import LAUGHS
 from tests.workflow.conftest import ROOT
 
 
@@ -48,6 +49,14 @@ def test_a_mistake_ends_the_run_with_one_line_before_any_job(snakemake, project)
     assert done.returncode == 2
     assert done.stdout.splitlines()[-1].startswith("error: config.yaml: unknown key 'modles'")
     assert "Traceback" not in done.stdout and not (project / "out").exists()
+
+
+@pytest.mark.parametrize("text", [LAUGHS, "results_dir: a\nresults_dir: b\n", "fps: 1:30\n", 'results_dir: "a{b}"\n'])
+def test_what_yaml_would_make_of_a_configuration_is_told_before_it_is_used(snakemake, project, text):
+    (project / "my.yaml").write_text(text)
+    done = snakemake(project, "--dry-run", "--cores", "1", "--configfile", "config.yaml", "my.yaml")
+    assert done.returncode == 2 and "Traceback" not in done.stdout
+    assert done.stdout.splitlines()[-1].startswith("error: ") and "my.yaml" in done.stdout.splitlines()[-1]
 
 
 @pytest.mark.parametrize("arguments", [(), ("--configfile", "my.yaml")])

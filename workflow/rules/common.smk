@@ -6,14 +6,15 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(workflow.basedir) / "workflow"))
 
-from configuration import check_place, load_configuration, on_film
+from configuration import load_configuration, on_film
 from digest import library_code
+from place import check_files
 from restart import forgive_killed_run
 from video_takes import precomputed_of
 
 from cospeech.gestures.generator import find, named, settings_for
 
-check_place(workflow)
+check_files(workflow)
 
 
 configfile: "config/config.yaml"

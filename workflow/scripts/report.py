@@ -13,6 +13,7 @@ with job():
     from cospeech.evaluation.control import ControlStudy, control_rows
     from cospeech.evaluation.tables import read_evaluations, summarise
     from cospeech.evaluation.variants import ordered
+    from cospeech.files import read_yaml
     from cospeech.render.pages.report import side_by_side, write_report
 
     results, facts = Path(snakemake.output[0]).parent, snakemake.params.facts
@@ -27,7 +28,7 @@ with job():
         control=[row for study in studies for row in control_rows(study)],
         variants=summarise(ordered(read_evaluations(compared))) if compared else (),
         tables=snakemake.input.tables,
-        captions=yaml.safe_load(Path(snakemake.input.captions).read_text(encoding="utf-8")),
+        captions=read_yaml(snakemake.input.captions),
         figures=[(name(path, "figures"), path) for path in snakemake.input.curves],
         histories={" ".join(Path(path).parts[-4:-1]): path for path in snakemake.input.histories},
         videos=[(name(path, ""), path) for path in snakemake.input.videos],

@@ -9,7 +9,6 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-import yaml
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
@@ -17,6 +16,7 @@ from cospeech.errors import CospeechError
 from cospeech.face import solver
 from cospeech.face.model import LANDMARKS, embedded
 from cospeech.face.solver import AXES, Basis, Landmarks
+from cospeech.files import read_yaml
 
 IDENTITY_FRAMES = 12, 48  # from the fourth part of a take's frames, spread over it, but so many, the identity is found
 INDEPENDENT = 4.0  # as how many they count: how a model fails to fit a face is the same in all of them
@@ -130,7 +130,7 @@ def smooth_boxes(boxes, seen, fps, sigma=0.2):
 @cache
 def _table():
     """{skeleton: indices of its points that are iBUG's 68 and, where it has them, the irises}."""
-    table = yaml.safe_load((files("cospeech.capture") / "data" / "landmarks.yaml").read_text("utf-8"))
+    table = read_yaml(files("cospeech.capture") / "data" / "landmarks.yaml")
     return {
         name: np.arange(p) if isinstance(p := entry["points"], int) else np.array(p) for name, entry in table.items()
     }

@@ -2,26 +2,22 @@
 
 from pathlib import Path
 
+from cospeech.commands.schema import check_schema, config_schema, read_mapping
 from cospeech.errors import CospeechError
 
 DEFAULT_CONFIG = Path("config/config.yaml")
 
 
 def configuration(path):
-    """The configuration as a dict, from `path` or config/config.yaml; empty if neither is there."""
-    import yaml
+    """The configuration as a dict, from `path` or config/config.yaml; empty if neither is there.
 
+    It is checked by the workflow's schema, but may lack keys, as what is given to `snakemake --configfile` may.
+    """
     if path is None and not DEFAULT_CONFIG.is_file():
         return {}
     path = Path(path or DEFAULT_CONFIG)
-    try:
-        config = yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise CospeechError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
-    if not isinstance(config, dict):
-        raise CospeechError(f"{path}: expected keys and values, found {type(config).__name__}")
+    config = read_mapping(path)
+    check_schema(config, config_schema() | {"required": []}, path)
     return config
 
 

@@ -8,12 +8,12 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-import yaml
 from scipy.ndimage import gaussian_filter1d
 from scipy.sparse import csr_array
 
 from cospeech.demo.motion import smooth_noise
 from cospeech.face.expressions import COSPEECH64
+from cospeech.files import read_yaml
 
 ANTICIPATION = 0.03  # s by which the mouth leads the sound
 SPREAD = 0.045  # s of dominance outside the phoneme, standard deviation
@@ -44,7 +44,7 @@ def animate_face(speech, prosody, rotation, parameters, fps, rng):
 @cache
 def _visemes():
     """{phoneme: (strength, (64,) target of its first half, (64,) target of its second half)}; "" is a pause."""
-    table = yaml.safe_load((files("cospeech.demo") / "visemes.yaml").read_text("utf-8"))
+    table = read_yaml(files("cospeech.demo") / "visemes.yaml")
     targets = {name: _target(entry) for name, entry in table["visemes"].items()}
     home = {phoneme: name for name, phonemes in table["phonemes"].items() for phoneme in phonemes}
     glides = table["glides"]

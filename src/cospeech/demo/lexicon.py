@@ -5,9 +5,9 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from cospeech.errors import CospeechError
+from cospeech.files import read_yaml
 
 # One arm's channels, in this order: wrist (out, up, forward) in arm lengths from its shoulder, four angles in degrees,
 # and the hand shape (curl of index, middle, ring, little, thumb; thumb opposition; spread; knuckle bend), each 0..1.
@@ -67,7 +67,7 @@ def speaker_parameters(speaker):
 
 @cache
 def _table(name):
-    return yaml.safe_load((files("cospeech.demo") / name).read_text("utf-8"))
+    return read_yaml(files("cospeech.demo") / name)
 
 
 def _key(row, shapes, shape=None):

@@ -2,13 +2,13 @@
 
 from importlib.resources import files
 
-import yaml
+from cospeech.files import read_yaml
 
 
 def expression_names(model):
     """Names of the E expression coefficients of a face model, or None when the model has no table here."""
     table = files("cospeech.face") / "coefficients" / f"{model}.yaml"
-    return tuple(yaml.safe_load(table.read_text())["expressions"]) if model and table.is_file() else None
+    return tuple(read_yaml(table)["expressions"]) if model and table.is_file() else None
 
 
 COSPEECH64 = expression_names("cospeech64")

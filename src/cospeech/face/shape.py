@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 
 import numpy as np
-import yaml
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial import Delaunay
+
+from cospeech.files import read_yaml
 
 RADIUS = 70.0  # mm of the layout's width for one radian around the head
 ARC = 13  # vertices of a lid's or a lip's edge
@@ -41,7 +42,7 @@ class Sketch:
 
 def table():
     """The numbers of `data/face.yaml`."""
-    return yaml.safe_load((files("cospeech.face") / "data" / "face.yaml").read_text("utf-8"))
+    return read_yaml(files("cospeech.face") / "data" / "face.yaml")
 
 
 def sketch(numbers):

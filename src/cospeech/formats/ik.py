@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
-import yaml
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from cospeech.files import read_yaml
 from cospeech.formats.animation import Animation
 from cospeech.rotation import continuous, swing_twist
 from cospeech.skeleton import UPPER55
@@ -25,7 +25,7 @@ LEFT, UP, FORWARD = np.eye(3)
 
 
 def _table():
-    rows = yaml.safe_load((files("cospeech") / "skeletons" / "mixamo55.yaml").read_text())["joints"]
+    rows = read_yaml(files("cospeech") / "skeletons" / "mixamo55.yaml")["joints"]
     names = tuple(row[0] for row in rows)
     parents = np.array([-1 if row[1] is None else names.index(row[1]) for row in rows])
     sources = UPPER55.joints(*(row[2] for row in rows))

@@ -6,10 +6,10 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
+from cospeech.files import read_yaml
 from cospeech.skeleton import BODY, UPPER55
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}  # metres
@@ -90,10 +90,7 @@ def load_mapping(skeleton):
         raise CospeechError(
             f"{skeleton}: no such joint mapping; give zeggs, beat or the path of a file (docs/mocap.md)"
         )
-    try:
-        table = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise CospeechError(f"{path}: not readable as YAML ({' '.join(str(error).split())})") from error
+    table = read_yaml(path, invalid="not readable as YAML")
     if not isinstance(table, dict) or not isinstance(table.get("joints"), dict):
         raise CospeechError(f"{path}: not a joint mapping (it needs 'joints:' with lines like 'pelvis: Hips')")
     if unknown := sorted(map(str, table.keys() - KEYS)):

@@ -4,11 +4,11 @@ from dataclasses import dataclass, fields
 from importlib.resources import files
 
 import numpy as np
-import yaml
 
+from cospeech.files import read_yaml
 from cospeech.skeleton import UPPER55
 
-TABLE = yaml.safe_load((files("cospeech.people") / "anthropometry.yaml").read_text("utf-8"))
+TABLE = read_yaml(files("cospeech.people") / "anthropometry.yaml")
 LIMITS = {name: np.array(limit, float) for name, limit in TABLE["limits"].items()}
 LEGS = tuple(f"{side}_{joint}" for side in ("right", "left") for joint in ("knee", "ankle", "toe"))
 JOINTS61 = (*UPPER55.names, *LEGS)  # of every person here: the clip file's joints, then the legs

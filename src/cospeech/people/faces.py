@@ -3,12 +3,12 @@
 from importlib.resources import files
 
 import numpy as np
-import yaml
 from scipy.spatial import Delaunay
 
 from cospeech.face.expressions import COSPEECH64
+from cospeech.files import read_yaml
 
-TABLE = yaml.safe_load((files("cospeech.people") / "faces.yaml").read_text("utf-8"))
+TABLE = read_yaml(files("cospeech.people") / "faces.yaml")
 HEIGHT = 0.224  # metres, chin to crown, of the head that the table describes
 # Each landmark's counterpart when left and right are swapped.
 TWIN = np.array([

@@ -2,6 +2,6 @@
 
 from importlib.resources import files
 
-import yaml
+from cospeech.files import read_yaml
 
-POSES = yaml.safe_load((files("cospeech.people") / "poses.yaml").read_text("utf-8"))
+POSES = read_yaml(files("cospeech.people") / "poses.yaml")

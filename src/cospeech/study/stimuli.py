@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
+from cospeech.files import read_yaml
 
 TRUTH, MISMATCHED = "ground_truth", "mismatched"
 OWN, NONE = "own", "none"  # faces; any other word is the method whose face all wear
@@ -166,12 +166,7 @@ def _tracked(clip, start, seconds):
 def from_manifest(path, seconds=12.0):
     """(list of Stimulus, {title, instructions, consent, questions}) of a YAML file of one's own (docs/study.md)."""
     path = Path(path)
-    try:
-        told = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise CospeechError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    told = read_yaml(path)
     listed = told.get("stimuli") if isinstance(told, dict) else None
     if not isinstance(listed, list) or not listed:
         raise CospeechError(f"{path}: expected a key `stimuli` with a list of clips (docs/study.md)")

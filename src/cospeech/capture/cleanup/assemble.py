@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from cospeech.errors import CospeechError
+from cospeech.files import read_yaml
 from cospeech.formats.mocap import TORSO_AND_ARM
 from cospeech.skeleton import BODY, LEFT_HAND, RIGHT_HAND, UPPER55, bone_lengths
 
@@ -84,7 +84,7 @@ def _weights(table, part, name):
     """(J, K) weights of the part's joints of upper55 on a tracker's points."""
     names = UPPER55.names[PARTS[part]]
     if part == "body":
-        tables = yaml.safe_load((files("cospeech.capture.cleanup") / "data" / "upper55.yaml").read_text("utf-8"))
+        tables = read_yaml(files("cospeech.capture.cleanup") / "data" / "upper55.yaml")
         if table.name not in tables:
             raise CospeechError(f"{name}: no way from skeleton {table.name!r} to upper55; known: {', '.join(tables)}")
         sources = {joint: tables[table.name].get(joint, {joint: 1.0}) for joint in names}

@@ -4,11 +4,9 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 
-import yaml
-
 from cospeech.capture.trackers import codecs
 from cospeech.errors import CospeechError
-from cospeech.files import sha256
+from cospeech.files import read_yaml, sha256
 from cospeech.skeleton import Skeleton
 from cospeech.track import PARTS
 
@@ -67,13 +65,9 @@ def read_manifest(path, model=None):
         known = sorted(Path(f.name).stem for f in shipped.iterdir() if f.name.endswith(".yaml"))
         if str(path) not in known:
             raise CospeechError(f"{path}: neither a manifest (.yaml) nor one of {', '.join(known)}")
-        text, folder = (shipped / f"{path}.yaml").read_text(encoding="utf-8"), Path()
+        content, folder = read_yaml(shipped / f"{path}.yaml"), Path()
     else:
-        text, folder = _text(path), path.parent
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise CospeechError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+        content, folder = read_yaml(path), path.parent
     if not isinstance(content, dict):
         raise CospeechError(f"{path}: expected keys and values")
     try:
@@ -81,13 +75,6 @@ def read_manifest(path, model=None):
     except (KeyError, TypeError, ValueError) as error:
         raise CospeechError(f"{path}: no complete manifest, missing or odd: {error}") from error
     return _checked(path, manifest if model is None else _replaced(manifest, Path(model)))
-
-
-def _text(path):
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CospeechError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
 
 
 def _replaced(manifest, model):

@@ -4,10 +4,10 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError, notice
+from cospeech.files import read_yaml
 from cospeech.skeleton import Skeleton
 from cospeech.track import Points
 
@@ -77,7 +77,7 @@ def _poses(arrays, path):
 
 
 def _table():
-    return yaml.safe_load((files("cospeech.capture.trackers") / "data" / "smplx_rest.yaml").read_text(encoding="utf-8"))
+    return read_yaml(files("cospeech.capture.trackers") / "data" / "smplx_rest.yaml")
 
 
 def _default_joints(path):

@@ -9,10 +9,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError
+from cospeech.files import read_yaml
 from cospeech.matching.database.descriptors import WINDOW, pose_features
 from cospeech.matching.database.sources import stretches, usable_frames
 from cospeech.skeleton import UPPER55, bone_lengths, with_bone_lengths
@@ -206,12 +206,7 @@ def read_gestures(path, database):
     end may be left out (a window before the stroke, and one after it). The subject's bone lengths are put in.
     """
     path = Path(path)
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise CospeechError(f"{path}: not valid YAML ({' '.join(str(error).split())})") from error
+    content = read_yaml(path)
     if not isinstance(content, dict) or not content:
         raise CospeechError(f"{path}: expected TAG: {{clip: FILE.h5, stroke: SECONDS}}")
     sample = database.positions[:: max(1, len(database) // 256), 0]

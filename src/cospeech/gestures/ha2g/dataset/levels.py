@@ -9,9 +9,9 @@ from functools import cache, cached_property
 from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from cospeech.errors import CospeechError
+from cospeech.files import read_yaml
 
 TABLES = ("expressive43", "ted10")
 
@@ -72,7 +72,7 @@ def level_table(name):
     """The `LevelTable` called "expressive43" (TED Expressive: 42 vectors, 6 levels) or "ted10" (TED Gesture: 9, 3)."""
     if name not in TABLES:
         raise CospeechError(f"level table {name!r} is not known; known: {', '.join(TABLES)}")
-    table = yaml.safe_load((files("cospeech.gestures.ha2g.dataset") / f"{name}.yaml").read_text())
+    table = read_yaml(files("cospeech.gestures.ha2g.dataset") / f"{name}.yaml")
     numbers = {key: np.array(table[key], np.int64).reshape(-1, n) for key, n in (("angle_pairs", 2), ("palm_pairs", 3))}
     return LevelTable(
         name, *zip(*table["joints"], strict=True), np.array([bone[:2] for bone in table["bones"]]),
