@@ -9,7 +9,7 @@ from sklearn.cross_decomposition import CCA
 from timing import fastest
 
 from cospeech.evaluation.metrics import beats, genea
-from cospeech.evaluation.metrics.expressive import Ruler, _network
+from cospeech.evaluation.metrics.fgd import PRESETS, AutoEncoder, FeatureNet
 from cospeech.evaluation.metrics.gesture_metrics import onset_coverage
 from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
 
@@ -26,11 +26,10 @@ def angles_by_loops(vectors):
     return angles
 
 
-def latents_one_by_one(ruler, vectors):
-    flat = vectors.reshape(len(vectors), -1)
+def latents_one_by_one(net, flat):
     starts = range(0, len(flat) - 33, 10)
     with torch.inference_mode():
-        return np.concatenate([ruler.network.encode(torch.as_tensor(flat[None, s : s + 34])).numpy() for s in starts])
+        return np.concatenate([net.network.encode(torch.as_tensor(flat[None, s : s + 34])).numpy() for s in starts])
 
 
 def coverage_by_loops(found, onsets):
@@ -43,14 +42,16 @@ def main():
     frames = 900  # a minute
     vectors = np.cumsum(rng.normal(0, 0.05, (frames, TABLE.vectors, 3)), axis=0) + rng.normal(size=(TABLE.vectors, 3))
     vectors /= np.linalg.norm(vectors, axis=-1, keepdims=True)
-    single = vectors.astype(np.float32)
-    ruler = Ruler(_network("expressive").eval(), {"ruler": "expressive", "latent": 128})
+    single = vectors.astype(np.float32).reshape(frames, -1)
+    preset = PRESETS["expressive"]
+    network = AutoEncoder(preset.latent, preset.channels, preset.slope).eval()
+    net = FeatureNet(network, {"preset": "expressive", "latent": preset.latent})
     found, onsets = np.sort(rng.uniform(0, 60, 120)), np.sort(rng.uniform(0, 60, 350))
     a, b = rng.normal(size=(frames, 39)), rng.normal(size=(frames, 39))
     b[:, :3] += a[:, :3]
     cases = {
         "included angles of a minute": (lambda: included_angles(vectors, TABLE), lambda: angles_by_loops(vectors)),
-        "latents of a minute": (lambda: ruler.latents(single), lambda: latents_one_by_one(ruler, single)),
+        "latents of a minute": (lambda: net.latents_of_vectors(single), lambda: latents_one_by_one(net, single)),
         "onsets that meet beats": (lambda: onset_coverage(found, onsets), lambda: coverage_by_loops(found, onsets)),
         "first canonical correlation": (
             lambda: genea.canonical_correlation(a, b),
@@ -58,7 +59,7 @@ def main():
         ),
     }
     assert np.allclose(included_angles(vectors, TABLE), angles_by_loops(vectors))
-    assert np.allclose(ruler.latents(single), latents_one_by_one(ruler, single), atol=1e-4)
+    assert np.allclose(net.latents_of_vectors(single), latents_one_by_one(net, single), atol=1e-4)
     assert np.isclose(onset_coverage(found, onsets), coverage_by_loops(found, onsets))
     for name, (ours, obvious) in cases.items():
         own = fastest(ours, 3)

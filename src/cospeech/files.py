@@ -45,7 +45,7 @@ def writing_hdf5(path, schema, version=1, **attributes):
 
 @contextmanager
 def reading_hdf5(path, schema, version=1):
-    """Yield `path` opened for reading after checking that it is HDF5 of this schema and version."""
+    """Yield `path` opened for reading after checking that it is HDF5 of this schema (or one of several) and version."""
     path = Path(path)
     if not path.is_file():
         raise CospeechError(f"{path}: no such file")
@@ -55,8 +55,9 @@ def reading_hdf5(path, schema, version=1):
         raise CospeechError(f"{path}: not a readable HDF5 file (truncated, or another format)") from error
     with file:
         found, found_version = file.attrs.get("schema"), file.attrs.get("schema_version")
-        if found != schema:
-            raise CospeechError(f"{path}: attribute 'schema' is {found!r}, expected {schema!r}")
+        known = (schema,) if isinstance(schema, str) else schema
+        if found not in known:
+            raise CospeechError(f"{path}: attribute 'schema' is {found!r}, expected {' or '.join(map(repr, known))}")
         if found_version != version:
             raise CospeechError(
                 f"{path}: schema_version is {found_version}, this cospeech reads version {version}; make the file again"

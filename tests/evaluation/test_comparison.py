@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cospeech.evaluation.comparison import LIPS, SYNC, clips_of, compare, read_comparison, write_comparison
-from cospeech.evaluation.evaluate import Reference
+from cospeech.evaluation.comparison import LIPS, SYNC, compare, write_comparison
+from cospeech.evaluation.generated import generate_clips
 from cospeech.evaluation.metrics.sync_classifier import WARNING, Settings, train_sync_classifier
-from cospeech.evaluation.tables import write_hdf5
+from cospeech.evaluation.reference import Reference
+from cospeech.evaluation.result import read_many, write_many
 
 
 class Shaking:
@@ -60,8 +61,8 @@ def test_every_row_of_every_seed_is_judged(compared):
 
 def test_generated_clips_are_smoothed_as_published(compared):
     _, _, truth = compared
-    made = clips_of(Shaking(truth.values(), 0.05), truth, "gesture_gan", seed=1)
-    raw = clips_of(Shaking(truth.values(), 0.05), truth, "knn", seed=1)
+    made = generate_clips(Shaking(truth.values(), 0.05), truth, "gesture_gan", seed=1)
+    raw = generate_clips(Shaking(truth.values(), 0.05), truth, "knn", seed=1)
     for name, clip in truth.items():
         assert made[name].extra["smoothing"] == 1.5 and raw[name].extra["smoothing"] == 0
         jerk = [np.abs(np.diff(clips[name].positions, n=3, axis=0)).mean() for clips in (made, raw)]
@@ -71,8 +72,8 @@ def test_generated_clips_are_smoothed_as_published(compared):
 
 def test_table_has_mean_and_deviation_over_seeds(compared, tmp_path):
     found = compared[0]
-    write_hdf5(tmp_path / "found.h5", found)
-    again = read_comparison(tmp_path / "found.h5")
+    write_many(tmp_path / "found.h5", found)
+    again = read_many(tmp_path / "found.h5")
     attributes = [sorted(one_of(some, "shaking", 5).attributes.items()) for some in (again, found)]
     assert repr(attributes[0]) == repr(attributes[1])
     write_comparison(tmp_path / "table.csv", again, {"shaking": "shaking hands", "steady": "steady"})

@@ -11,7 +11,7 @@ import pytest
 from cospeech.clip import Motion
 from cospeech.errors import CospeechError
 from cospeech.evaluation.control import FREE, TABLE, ControlStudy, control_rows, study_controls, write_csv, write_hdf5
-from cospeech.evaluation.evaluate import Reference
+from cospeech.evaluation.reference import Reference
 from cospeech.evaluation.result import Evaluation
 from cospeech.evaluation.tables import write_csv as write_table
 from cospeech.evaluation.variants import METRICS, VARIANTS, evaluate_variants, ordered

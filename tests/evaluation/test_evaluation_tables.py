@@ -8,8 +8,8 @@ import pytest
 
 from cospeech.errors import CospeechError
 from cospeech.evaluation.columns import METRICS
-from cospeech.evaluation.result import Evaluation
-from cospeech.evaluation.tables import cell, read_evaluations, summarise, write_csv, write_hdf5
+from cospeech.evaluation.result import Evaluation, write_many
+from cospeech.evaluation.tables import cell, read_evaluations, summarise, write_csv
 
 JERK, FGD = (list(METRICS).index(name) for name in ("jerk", "fgd"))
 
@@ -60,13 +60,13 @@ def test_runs_of_several_seeds_become_one_line_with_their_deviation():
 
 def test_merged_file_holds_every_row_and_refuses_two_of_a_kind(files, tmp_path):
     found = read_evaluations(files)
-    write_hdf5(tmp_path / "evaluation.h5", found)
+    write_many(tmp_path / "evaluation.h5", found)
     with h5py.File(tmp_path / "evaluation.h5") as file:
         assert file["calm/knn/0/mean"][JERK] == 3
         assert file["calm/knn/0"].attrs["fps"] == 15.0
         assert [name.decode() for name in file["lively/resync/0/metric"]] == list(METRICS)
     with pytest.raises(CospeechError, match="two evaluations of calm/knn/0"):
-        write_hdf5(tmp_path / "evaluation.h5", [*found, evaluation("calm", "knn", (1, 1))])
+        write_many(tmp_path / "evaluation.h5", [*found, evaluation("calm", "knn", (1, 1))])
 
 
 def test_cells_for_people():

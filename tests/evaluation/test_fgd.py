@@ -5,7 +5,7 @@ import pytest
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError
-from cospeech.evaluation.metrics.fgd import FRAMES, FeatureNet, Settings, pose_vectors, train_feature_net
+from cospeech.evaluation.metrics.fgd import FRAMES, FeatureNet, Settings, train_feature_net
 from cospeech.evaluation.metrics.gesture_metrics import frechet_distance
 from cospeech.files import sha256
 from cospeech.learning.weights import save_weights
@@ -70,7 +70,7 @@ def test_a_saved_network_gives_the_same_latents_and_knows_its_file(feature_net, 
 def test_windows_start_every_stride_frames(feature_net, held_out):
     latents = feature_net.latents(held_out[0], stride=5)
     assert len(latents) == (len(held_out[0]) - FRAMES) // 5 + 1
-    third = feature_net.encode(pose_vectors(held_out[0])[None, 10 : 10 + FRAMES])
+    third = feature_net.encode(feature_net.preset.vectors(held_out[0])[None, 10 : 10 + FRAMES])
     assert latents[2] == pytest.approx(third[0], abs=1e-5)
     assert feature_net.latents(held_out[0][: FRAMES - 1]).shape == (0, 8)
 

@@ -29,7 +29,7 @@ def test_table_1_judges_every_network_of_all_speakers_and_the_models_of_single_o
     jobs = planned("ha2g_table_1")
     assert jobs["train_shared"] == jobs["synthesize_shared"] == 5
     assert jobs["evaluate_ha2g"] == 1 + 5 + 2  # what needs no model, the networks, regression and knn
-    assert (jobs["train_ha2g_ruler"], jobs["ha2g_table"], jobs["ha2g_metrics"]) == (4, 1, 1)
+    assert (jobs["train_ha2g_feature_net"], jobs["ha2g_table"], jobs["ha2g_metrics"]) == (4, 1, 1)
 
 
 def test_seeds_multiply_trainings_and_not_rows(planned):

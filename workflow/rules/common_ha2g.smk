@@ -1,5 +1,7 @@
 # The ensemble, the rows of its tables, and the input functions of their rules (ha2g.smk, ha2g_tables.smk).
 
+from cospeech.evaluation.baselines import HA2G_BASELINES
+from cospeech.evaluation.columns import NETS
 from cospeech.gestures.generator import VARIANTS
 
 ENSEMBLE = {"name": "everyone", "speakers": [], "held_out": [], "levels": "expressive43", "identity": "speaker", "imagenet": "",
@@ -8,8 +10,6 @@ BY_FRAMES = ENSEMBLE["identity"] == "frames"  # what ha2g and its ablations know
 FILMED = [name for name, subject in SUBJECTS.items() if set(subject.filmed) & set(subject.takes_of("train"))]
 SHARED_MODELS = named(learns="speakers")
 HA2G_ABLATIONS = [row for row, model in VARIANTS.items() if model.of == "ha2g"]
-RULERS = ("expressive", "expressive_compat", "trimodal", "trimodal_compat")
-HA2G_BASELINES = ("ground_truth", "mismatched", "shuffled", "mean_pose")
 HA2G_LABELS = {row: find(row).label for row in [*SHARED_MODELS, *HA2G_ABLATIONS]}
 OWN_MODELS = [model for model in MODELS if "clips" not in find(model).needs]  # each trained on one speaker alone
 TABLE_1 = ("seq2seq", "speech2gesture", "joint_embedding", "trimodal", "ha2g")

@@ -2,19 +2,19 @@
 # and ha2g_table_4.csv, and every metric of Table 1's rows in results/<ensemble>/metrics.csv.
 
 
-rule train_ha2g_ruler:
+rule train_ha2g_feature_net:
     input:
         splits=ensemble_files("<results>/{subject}/split.h5"),
         clips=ensemble_files("<results>/{subject}/clips/{clip}.h5"),
     output:
-        network="<results>/{ensemble}/rulers/{ruler}.safetensors",
-        history="<results>/{ensemble}/rulers/{ruler}_history.h5",
+        network="<results>/{ensemble}/feature_nets/{preset}.safetensors",
+        history="<results>/{ensemble}/feature_nets/{preset}_history.h5",
     log:
-        "<logs>/ha2g_ruler/{ensemble}-{ruler}.log",
+        "<logs>/ha2g_feature_net/{ensemble}-{preset}.log",
     benchmark:
-        "<benchmarks>/ha2g_ruler/{ensemble}-{ruler}.tsv"
+        "<benchmarks>/ha2g_feature_net/{ensemble}-{preset}.tsv"
     wildcard_constraints:
-        ruler="|".join(RULERS),
+        preset="|".join(NETS),
     conda:
         "../../envs/cospeech.yaml"
     threads: BUDGET["threads"]
@@ -24,17 +24,17 @@ rule train_ha2g_ruler:
     params:
         settings=BUDGET.get("ha2g_ruler", {}),
         seed=config["seed"],
-        checkpoint=f"{config['results_dir']}/checkpoints/{{ensemble}}-ruler_{{ruler}}.pt",
-        code=library_code("ha2g_ruler.py"),
+        checkpoint=f"{config['results_dir']}/checkpoints/{{ensemble}}-feature_net_{{preset}}.pt",
+        code=library_code("ha2g_feature_net.py"),
     script:
-        "../scripts/ha2g_ruler.py"
+        "../scripts/ha2g_feature_net.py"
 
 
 rule evaluate_ha2g:
     input:
         splits=ensemble_files("<results>/{subject}/split.h5"),
         clips=ensemble_files("<results>/{subject}/clips/{clip}.h5"),
-        rulers=[f"<results>/{{ensemble}}/rulers/{ruler}.safetensors" for ruler in RULERS],
+        networks=[f"<results>/{{ensemble}}/feature_nets/{preset}.safetensors" for preset in NETS],
         truth=ensemble_files("<results>/{subject}/synthesis/ground_truth/{clip}.h5", "test"),
         audio=ensemble_files("<results>/{subject}/synthesis/ground_truth/{clip}.wav", "test"),
         made=made_by,

@@ -10,10 +10,10 @@ with job():
 
     from cospeech.clip import Clip
     from cospeech.evaluation.comparison import compare
-    from cospeech.evaluation.evaluate import Reference
     from cospeech.evaluation.metrics.fgd import FeatureNet
     from cospeech.evaluation.metrics.sync_classifier import SyncClassifier
-    from cospeech.evaluation.tables import write_hdf5
+    from cospeech.evaluation.reference import Reference
+    from cospeech.evaluation.result import write_many
     from cospeech.face.model import FaceModel
     from cospeech.gestures.generator import find, resolve
     from cospeech.speech import load_audio
@@ -29,4 +29,4 @@ with job():
     reference = Reference.build(truth, train, FeatureNet.load(files.feature_net), audio)
     classifiers = dict(zip(params.seeds, map(SyncClassifier.load, files.classifiers), strict=True))
     face = FaceModel.load(files.face_model) if files.get("face_model") else None
-    write_hdf5(snakemake.output.evaluations, compare(networks, truth, train, reference, classifiers, face))
+    write_many(snakemake.output.evaluations, compare(networks, truth, train, reference, classifiers, face))

@@ -6,6 +6,7 @@ from job import job, snakemake
 
 with job():
     from cospeech.evaluation import control, tables
+    from cospeech.evaluation.result import write_many
     from cospeech.evaluation.variants import METRICS, ordered
     from cospeech.render.curves import plot_control
 
@@ -15,6 +16,6 @@ with job():
     control.write_hdf5(snakemake.output.control_hdf5, rows)
     judged = ordered(tables.read_evaluations(snakemake.input.evaluations))
     tables.write_csv(snakemake.output.variants, judged, METRICS)
-    tables.write_hdf5(snakemake.output.variants_hdf5, judged)
+    write_many(snakemake.output.variants_hdf5, judged)
     for path in map(Path, snakemake.output.figures):
         plot_control(path, studies[path.stem.removeprefix("figure_5_5_")])

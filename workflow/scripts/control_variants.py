@@ -9,8 +9,8 @@ with job():
     from sections import sections
 
     from cospeech.clip import Clip
-    from cospeech.evaluation.evaluate import Reference
     from cospeech.evaluation.metrics.fgd import FeatureNet
+    from cospeech.evaluation.reference import Reference
     from cospeech.evaluation.variants import evaluate_variants
     from cospeech.matching import KNN, Database
     from cospeech.speech import load_audio

@@ -9,9 +9,10 @@ with job():
     from sections import sections
 
     from cospeech.clip import Clip
-    from cospeech.evaluation.evaluate import Reference, evaluate_baseline, evaluate_model
+    from cospeech.evaluation.baselines import BASELINES
+    from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
     from cospeech.evaluation.metrics.fgd import FeatureNet
-    from cospeech.evaluation.result import BASELINES
+    from cospeech.evaluation.reference import Reference
     from cospeech.speech import load_audio
 
     torch.set_num_threads(snakemake.threads)

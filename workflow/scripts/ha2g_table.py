@@ -3,7 +3,8 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.ha2g_result import columns_of, read_judgements, write_judged
+    from cospeech.evaluation.ha2g_tables import COLUMNS, write_ha2g
+    from cospeech.evaluation.tables import read_evaluations
 
-    columns = columns_of(snakemake.wildcards.get("table"))
-    write_judged(snakemake.output.csv, read_judgements(snakemake.input), snakemake.params.rows, columns, "method")
+    columns = COLUMNS.get(snakemake.wildcards.get("table"))
+    write_ha2g(snakemake.output.csv, read_evaluations(snakemake.input), snakemake.params.rows, columns)

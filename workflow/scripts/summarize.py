@@ -3,8 +3,9 @@
 from job import job, snakemake
 
 with job():
-    from cospeech.evaluation.tables import read_evaluations, write_csv, write_hdf5
+    from cospeech.evaluation.result import write_many
+    from cospeech.evaluation.tables import read_evaluations, write_csv
 
     evaluations = read_evaluations(snakemake.input)
-    write_hdf5(snakemake.output.hdf5, evaluations)
+    write_many(snakemake.output.hdf5, evaluations)
     write_csv(snakemake.output.csv, evaluations)

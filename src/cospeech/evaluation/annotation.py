@@ -133,7 +133,9 @@ def judge_learning(annotated, truth, split, audio, feature_net, seed=0):
     judged as if a model had made them: what no model that learns from films can be expected to exceed. Without a valid
     stretch to learn from a notice says so, and the row is left out.
     """
-    from cospeech.evaluation.evaluate import Reference, evaluate_baseline, evaluate_model
+    from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
+    from cospeech.evaluation.generated import generate_clips
+    from cospeech.evaluation.reference import Reference
     from cospeech.matching import KNN, Database
 
     test = {name: truth[name] for name in split["test"]}
@@ -142,13 +144,10 @@ def judge_learning(annotated, truth, split, audio, feature_net, seed=0):
     rows = {"annotation": {name: annotated[name] for name in test}}
     for row, clips in zip(ROWS[3:], (truth, annotated), strict=True):
         try:
-            model, made = KNN(Database.from_clips([clips[name] for name in split["train"]])), {}
+            model = KNN(Database.from_clips([clips[name] for name in split["train"]]))
         except CospeechError as error:
             notice(f"{reference.subject}: no row {row}: {error}")
             continue
-        for name, clip in test.items():
-            positions = model.generate(clip.features, seed=seed).positions
-            made[name] = replace(clip, positions=positions, generator=row, extra={"seed": seed, "smoothing": 0.0})
-        rows[row] = made
+        rows[row] = generate_clips(model, test, row, seed, smoothing=0.0)
     baselines = [evaluate_baseline(row, reference) for row in ROWS[:2]]
     return baselines + [evaluate_model(row, made, reference) for row, made in rows.items()]

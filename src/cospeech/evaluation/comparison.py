@@ -9,37 +9,21 @@ from dataclasses import replace
 import numpy as np
 
 from cospeech.evaluation import columns
+from cospeech.evaluation.baselines import BASELINES
 from cospeech.evaluation.columns import csv_headings
 from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
+from cospeech.evaluation.generated import generate_clips
 from cospeech.evaluation.metrics.lips import judge_lips
 from cospeech.evaluation.metrics.sync_classifier import WARNING
-from cospeech.evaluation.result import BASELINES, Evaluation
-from cospeech.evaluation.tables import SCHEMA, summarise
-from cospeech.files import reading_hdf5
+from cospeech.evaluation.tables import summarise
 from cospeech.formats.result_table import mean_and_deviation, write_table
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
-from cospeech.gestures.generator import smoothing_of
-from cospeech.synthesis import finished
 
 COLUMNS = (
     columns.FGD, columns.FGD_TRAIN, columns.DIVERSITY, columns.MOTION_VARIANCE, columns.BEAT_EXCESS, columns.SYNCHRONY,
     columns.SPEED_HELLINGER, columns.JERK,
 )  # fmt: skip
 LIPS, SYNC = columns.LIP_ERROR, columns.JUDGED_IN_SYNC  # kept as attributes of an Evaluation, in mm and as a share
-
-
-def clips_of(generator, truth, row, seed=0):
-    """What a generator makes for the speech of {clip id: Clip}, smoothed as `synthesize` does: {clip id: Clip}."""
-    made = {}
-    for name, clip in truth.items():
-        sigma = smoothing_of(row)
-        motion = finished(generator.generate(clip.features, seed=seed), sigma)
-        made[name] = replace(
-            clip, positions=motion.positions.astype(np.float32), rotation=motion.rotation,
-            expression=motion.expression, face_model=motion.face_model, generator=row,
-            extra={"seed": seed, "smoothing": sigma},
-        )  # fmt: skip
-    return made
 
 
 def compare(networks, truth, train, reference, classifiers, face=None):
@@ -52,13 +36,13 @@ def compare(networks, truth, train, reference, classifiers, face=None):
     face : see `judge_lips`.
     """
     baselines = {row: evaluate_baseline(row, reference) for row in BASELINES}
-    still = {"ground_truth": truth, "mean_pose": clips_of(MeanPose(train), truth, "mean_pose")}
+    still = {"ground_truth": truth, "mean_pose": generate_clips(MeanPose(train), truth, "mean_pose")}
     if len(truth) > 1:
         still["mismatched"] = mismatched(truth)
     found = []
     for seed, classifier in classifiers.items():
-        made = {row: clips_of(by_seed[seed], truth, row, seed) for row, by_seed in networks.items()}
-        made["random"] = clips_of(RandomTake(train), truth, "random", seed)
+        made = {row: generate_clips(by_seed[seed], truth, row, seed) for row, by_seed in networks.items()}
+        made["random"] = generate_clips(RandomTake(train), truth, "random", seed)
         lips = judge_lips(truth, made, train, face, seed)
         rows = [replace(one, seed=seed) for one in baselines.values()]
         rows += [replace(evaluate_model(row, clips, reference), seed=seed) for row, clips in made.items()]
@@ -79,24 +63,6 @@ def _in_sync(classifier, clips):
     """Share of all clips' windows that a classifier takes for in sync with the clips' speech; NaN without any."""
     shares = [classifier.score(clip.features, clip.motion) for clip in clips.values()]
     return float(np.mean(shares)) if shares else float("nan")
-
-
-def read_comparison(path):
-    """List of Evaluation from a file of `tables.write_hdf5`, by subject, row and seed."""
-    with reading_hdf5(path, SCHEMA) as file:
-        return [
-            _evaluation(group, subject, row, int(seed))
-            for subject, rows in file.items()
-            for row, seeds in rows.items()
-            for seed, group in seeds.items()
-        ]
-
-
-def _evaluation(group, subject, row, seed):
-    clips = [name.decode() for name in group["clip"]]
-    arrays = {name: group[name][()] for name in ("frames", "values", "mean", "deviation")}
-    attributes = {k: v.item() if isinstance(v, np.generic) else v for k, v in group.attrs.items()}
-    return Evaluation(subject, row, seed, clips, attributes=attributes, **arrays)
 
 
 def write_comparison(path, evaluations, rows):

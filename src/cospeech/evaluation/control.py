@@ -9,12 +9,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.evaluation.generated import generate_clips
 from cospeech.files import put, reading_hdf5, writing_hdf5
 from cospeech.formats.result_table import mean_and_deviation, write_table
-from cospeech.gestures.generator import smoothing_of
 from cospeech.matching.control.controls import Wanted
 from cospeech.matching.control.signals import SIGNALS
-from cospeech.synthesis import finished
 
 SCHEMA = "cospeech.control"
 BEFORE = "knn"  # whose motion the refined ones start from
@@ -85,29 +84,26 @@ def study_controls(subject, generators, clips, seed=0):
         there.
     clips : {clip id: Clip}, the test part. seed : of the generators.
 
-    Every motion is smoothed as `synthesize` does.
+    Every motion is finished as `synthesize` does.
     """
     signals = generators[BEFORE].signals
     thresholds = {(s, level): Wanted.of(s, level).alternatives[0][0].threshold(signals) for s, level in TABLE}
     series, clips = {}, {name: clip for name, clip in sorted(clips.items()) if clip.valid.any()}
-    for name, clip in clips.items():
-        for model, generator in generators.items():
-            of_signal = generator if isinstance(generator, dict) else dict.fromkeys(SIGNALS, generator)
-            free = {one: _motion(one, model, clip, seed, []) for one in set(of_signal.values())}
-            for signal, level in TABLE:
-                one = of_signal[signal]
-                measured = {FREE: free[one], level: _motion(one, model, clip, seed, [f"{signal}={level}"])}
-                for key, positions in measured.items():
-                    series[name, model, signal, key] = SIGNALS[signal](positions, clip.fps).astype(np.float32)
+    for model, generator in generators.items():
+        of_signal = generator if isinstance(generator, dict) else dict.fromkeys(SIGNALS, generator)
+        free = {one: generate_clips(one, clips, model, seed, controls=[]) for one in set(of_signal.values())}
+        for signal, level in TABLE:
+            one = of_signal[signal]
+            kept = generate_clips(one, clips, model, seed, controls=[f"{signal}={level}"])
+            for key, made in ((FREE, free[one]), (level, kept)):
+                for name, clip in made.items():
+                    values = SIGNALS[signal](clip.positions, clip.fps).astype(np.float32)
+                    series[name, model, signal, key] = values
+    series = {key: values for name in clips for key, values in series.items() if key[0] == name}
     valid = {name: clip.valid for name, clip in clips.items()}
     if not valid:
         raise CospeechError(f"{subject}: no test clip has a valid frame; change 'split:'")
     return ControlStudy(subject, next(iter(clips.values())).fps, thresholds, valid, series)
-
-
-def _motion(generator, model, clip, seed, controls):
-    motion = generator.generate(clip.features, seed=seed, controls=controls)
-    return finished(motion, smoothing_of(model)).positions
 
 
 @dataclass(frozen=True)

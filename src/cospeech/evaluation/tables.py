@@ -1,16 +1,16 @@
-"""From one file a row to results/evaluation.h5, results/summary.csv and the cells of the report's tables."""
+"""From files of evaluations to one file of all, to CSV files, and to the cells of the report's tables."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from cospeech.errors import CospeechError
+from cospeech.evaluation.baselines import BASELINES
 from cospeech.evaluation.columns import METRICS, csv_headings
-from cospeech.evaluation.result import BASELINES, Evaluation
-from cospeech.files import writing_hdf5
+from cospeech.evaluation.result import read_many
 from cospeech.formats.result_table import mean_and_deviation, plus_minus, write_table
 
-SCHEMA = "cospeech.evaluations"
+FIRST = {"subject": "subject", "row": "row", "runs": "runs", "clips": "clips"}  # {heading: of a Summary}
 
 
 @dataclass
@@ -28,13 +28,24 @@ class Summary:
     deviation: dict
 
     def cells(self, metrics):
-        """Mean and deviation of each of these metrics, one after the other."""
-        return [x for name in metrics for x in (self.mean[name], self.deviation[name])]
+        """Mean and deviation of each of these metrics, one after the other; NaN where it was not measured."""
+        return [x.get(name, np.nan) for name in metrics for x in (self.mean, self.deviation)]
 
 
 def read_evaluations(paths):
-    """Evaluations of the files `paths`, by subject, then baselines before models, in the order given."""
-    evaluations = [Evaluation.read(path) for path in paths]
+    """Evaluations of the files `paths`, by subject, then baselines before models, in the order given.
+
+    CospeechError when two are of one row and run.
+    """
+    evaluations, known = [], set()
+    for path in paths:
+        for one in read_many(path):
+            if (one.subject, one.row, one.seed) in known:
+                raise CospeechError(
+                    f"{path}: run {one.seed} of {one.row} is in another file too; give each its own seed"
+                )
+            known.add((one.subject, one.row, one.seed))
+            evaluations.append(one)
     if not evaluations:
         raise CospeechError("summary: no evaluation file was given")
     subjects = list(dict.fromkeys(e.subject for e in evaluations))
@@ -51,32 +62,32 @@ def summarise(evaluations):
 
 
 def _summary(subject, row, runs):
-    means = np.array([run.mean for run in runs])
-    mean, deviation = mean_and_deviation(means)
-    deviation = runs[0].deviation if len(runs) == 1 else deviation
-    columns = [dict(zip(METRICS, map(float, values), strict=True)) for values in (mean, deviation)]
+    found = [run.found for run in runs]
+    metrics = list(dict.fromkeys(name for one in found for name in one))
+    pairs = np.array([[one.get(name, (np.nan, np.nan)) for name in metrics] for one in found], float)
+    mean, deviation = mean_and_deviation(pairs[:, :, 0])
+    deviation = pairs[0, :, 1] if len(runs) == 1 else deviation
+    columns = [dict(zip(metrics, map(float, values), strict=True)) for values in (mean, deviation)]
     return Summary(subject, row, len(runs), len(runs[0].clips), *columns)
 
 
-def write_hdf5(path, evaluations):
-    """results/evaluation.h5: the content of every evaluation file as group /<subject>/<row>/<seed>."""
-    with writing_hdf5(path, SCHEMA) as file:
-        for evaluation in evaluations:
-            name = f"{evaluation.subject}/{evaluation.row}/{evaluation.seed}"
-            if name in file:
-                raise CospeechError(f"{path}: two evaluations of {name}; give each run a seed of its own")
-            group = file.create_group(name)
-            group.attrs.update(evaluation.attributes)
-            evaluation.put(group)
+def write_csv(path, evaluations, metrics=tuple(METRICS), rows=None, first=FIRST, headings=csv_headings):
+    """A CSV file, results/summary.csv say: one line a subject and row; two columns a metric, "n/a" where it is none.
 
-
-def write_csv(path, evaluations, metrics=tuple(METRICS)):
-    """results/summary.csv: one line a subject and row; two columns a metric, mean and deviation, "n/a" where none."""
-    head = ["subject", "row", "runs", "clips", *(heading for name in metrics for heading in csv_headings(name))]
+    metrics : names; None for all that were found. rows : {name: label} of the lines, in their order, names without an
+    evaluation left out; None for all. first : {heading: attribute of a Summary} of the columns before. headings : of a
+    metric.
+    """
+    lines = summarise(evaluations)
+    if rows is not None:
+        lines = [line for row in rows for line in lines if line.row == row]
+    if metrics is None:
+        metrics = list(dict.fromkeys(name for line in lines for name in line.mean))
+    shown = lambda line, name: (rows or {}).get(line.row, line.row) if name == "row" else getattr(line, name)  # noqa: E731
     write_table(
         path,
-        head,
-        ([line.subject, line.row, line.runs, line.clips, *line.cells(metrics)] for line in summarise(evaluations)),
+        [*first, *(heading for name in metrics for heading in headings(name))],
+        ([*(shown(line, name) for name in first.values()), *line.cells(metrics)] for line in lines),
     )
 
 

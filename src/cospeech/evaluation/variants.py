@@ -1,9 +1,9 @@
 """The variants of the search in thesis Table 5.4, judged by this project's metrics instead of by people."""
 
-from dataclasses import replace
-
 from cospeech.evaluation import columns
-from cospeech.evaluation.result import BASELINES
+from cospeech.evaluation.baselines import BASELINES
+from cospeech.evaluation.evaluate import evaluate_model
+from cospeech.evaluation.generated import generate_clips
 from cospeech.gestures.generator import MODELS, named
 
 # Row: options of `KNN.generate`. The first two are the thesis's; then its two other choices, turned.
@@ -39,14 +39,10 @@ def evaluate_variants(knn, clips, reference, seed=0):
 
     knn : a KNN generator. clips : {clip id: Clip}, the test part. reference : the `Reference` of the other rows.
     """
-    from cospeech.evaluation.evaluate import evaluate_model
-
     found, most = {}, len(knn.matcher.database)  # a tiny database has no fifth best
     for row, options in VARIANTS.items():
-        options, made = {**options, "k": min(options.get("k", 1), most)}, {}
-        for name, clip in clips.items():
-            positions = knn.generate(clip.features, seed=seed, **options).positions
-            made[name] = replace(clip, positions=positions, generator=row, extra={"seed": seed, "smoothing": 0.0})
+        options = {**options, "k": min(options.get("k", 1), most)}
+        made = generate_clips(knn, clips, row, seed, smoothing=0.0, **options)
         found[row] = evaluate_model(row, made, reference)
     return found
 

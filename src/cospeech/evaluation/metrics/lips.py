@@ -10,6 +10,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError, notice
 from cospeech.evaluation.columns import LIP_ERROR, csv_headings
+from cospeech.evaluation.generated import generate_clips
 from cospeech.face.model import embedded
 from cospeech.files import put, reading_hdf5, writing_hdf5
 from cospeech.formats.result_table import mean_and_deviation, number, write_table
@@ -108,13 +109,10 @@ def judge_lips(truth, made, train, face=None, seed=0):
         notice(f"{subject}: no lip error, for want of a face: {why}")
         return LipErrors(subject, [], np.zeros(0, int), {})
     mean, random = MeanPose(train), RandomTake(train)
-    errors = {"mean_pose": _errors({n: mean.generate(c.features) for n, c in shown.items()}, shown, face)}
+    errors = {"mean_pose": _errors(generate_clips(mean, shown, "mean_pose"), shown, face)}
     if len(shown) > 1:
         errors["mismatched"] = _errors(mismatched(shown), shown, face)
-    draws = [
-        _errors({n: random.generate(c.features, seed=seed + i) for n, c in shown.items()}, shown, face)
-        for i in range(DRAWS)
-    ]
+    draws = [_errors(generate_clips(random, shown, RANDOM, seed + i), shown, face) for i in range(DRAWS)]
     errors[RANDOM] = np.mean(draws, axis=0)
     errors |= {row: _errors(clips, shown, face) for row, clips in made.items()}
     return LipErrors(subject, list(shown), np.array([_seen(c).sum() for c in shown.values()]), errors)

@@ -15,8 +15,8 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
+from cospeech.evaluation.baselines import BASELINES
 from cospeech.evaluation.columns import METRICS
-from cospeech.evaluation.result import BASELINES
 from cospeech.evaluation.tables import cell
 from cospeech.evaluation.variants import LABELS
 from cospeech.evaluation.variants import METRICS as COMPARED
