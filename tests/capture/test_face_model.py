@@ -9,8 +9,7 @@ from scipy.io import savemat
 from cospeech.cli import main
 from cospeech.errors import CospeechError
 from cospeech.face.expressions import COSPEECH64
-from cospeech.face.layouts import convert
-from cospeech.face.model import FaceModel, embedded
+from cospeech.face.model import FaceModel, convert, embedded
 
 FACE = embedded()
 REST = FACE.mean[FACE.landmarks]

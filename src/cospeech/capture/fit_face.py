@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.errors import CospeechError
 from cospeech.face import solver
-from cospeech.face.model import LANDMARKS, embedded
+from cospeech.face.expressions import LANDMARKS
+from cospeech.face.model import embedded
 from cospeech.face.solver import AXES, Basis, Landmarks
 from cospeech.files import read_yaml
 

@@ -129,7 +129,8 @@ def _annotate(options):
 
 def _face_model(options):
     """Convert a 3D morphable face model from a usual layout into our own file, with a note of its licence."""
-    from cospeech.face.layouts import convert, read_landmarks
+    from cospeech.face.layouts import read_landmarks
+    from cospeech.face.model import convert
 
     landmarks = read_landmarks(options.landmarks) if options.landmarks else None
     model = convert(options.file, units=options.units, landmarks=landmarks, licence=options.licence)

@@ -90,9 +90,10 @@ def _generate(options):
     _check_suffix(options.out)
     folder, fps = _results(options)
     rank = {"audio_rank": chosen.pop("audio_rank", None)}
+    generator = load(options.model, folder, options.threads, **rank)
     speech = Speech.load(options.audio, fps, options.words, options.recognize)
     clip = synthesize(
-        load(options.model, folder, options.threads, **rank), speech, subject=options.subject,
+        generator, speech, subject=options.subject,
         clip=Path(options.audio).stem, model=options.model, seed=options.seed, smoothing=options.smoothing,
         audio=str(Path(options.audio).resolve()), replace=options.replace, **chosen,
     )  # fmt: skip

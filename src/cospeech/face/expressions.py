@@ -12,3 +12,5 @@ def expression_names(model):
 
 
 COSPEECH64 = expression_names("cospeech64")
+LANDMARKS = 68  # iBUG 300-W
+LIPS = slice(48, 68)  # of them

@@ -1,4 +1,4 @@
-"""Face models that a user brings, in the layouts in which they are usually given, as a `FaceModel`."""
+"""Face models that a user brings, in the layouts in which they are usually given, as arguments of a `FaceModel`."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.face.model import LANDMARKS, LIPS, FaceModel
+from cospeech.face.expressions import LANDMARKS, LIPS
 from cospeech.files import sha256
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6}  # metres
@@ -24,9 +24,10 @@ VARIANCES = {"identity": "shape/model/pcaVariance", "expression": "expression/mo
 FLAME_IDENTITY = 300
 
 
-def convert(path, *, units=None, landmarks=None, licence=""):
-    """Read a foreign face model: `.npz`, MATLAB `.mat` (v5) or HDF5 `.h5`, by the names of its arrays (`NAMES`).
+def arguments(path, *, units=None, landmarks=None, licence=""):
+    """What a foreign face model holds, as arguments of `FaceModel`.
 
+    Reads `.npz`, MATLAB `.mat` (v5) and HDF5 `.h5`, by the names of its arrays (`NAMES`).
     units : of its vertices (m, dm, cm, mm, um); guessed from the face's height without. landmarks (68,) : vertices of
     iBUG's landmarks, where the file does not tell them. licence : a note of its terms. Nothing is unpickled. Raises
     CospeechError that names what is missing or does not fit.
@@ -48,11 +49,11 @@ def convert(path, *, units=None, landmarks=None, licence=""):
     bases = {what: _basis(found[what], count, arrays.get(VARIANCES[what]), what, path) * scale for what in VARIANCES}
     points = _landmarks(found["landmarks"] if landmarks is None else landmarks, "meanshape" in arrays, path)
     note = licence or "the terms of its owner hold for every file made from it; ask before giving any on"
-    return FaceModel(
-        path.stem, mean * scale, bases["identity"], bases["expression"], _triangles(found["triangles"]), points,
-        np.unique(points[LIPS][points[LIPS] >= 0]),
-        licence_note=f"face model {path.name} (sha256 {sha256(path)[:12]}): {note}",
-    ).validate(path)  # fmt: skip
+    return {
+        "name": path.stem, "mean": mean * scale, **bases, "triangles": _triangles(found["triangles"]),
+        "landmarks": points, "lips": np.unique(points[LIPS][points[LIPS] >= 0]),
+        "licence_note": f"face model {path.name} (sha256 {sha256(path)[:12]}): {note}",
+    }  # fmt: skip
 
 
 def read_landmarks(path):

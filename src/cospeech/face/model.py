@@ -8,13 +8,12 @@ import h5py
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.face.expressions import COSPEECH64
+from cospeech.face.expressions import COSPEECH64, LANDMARKS
+from cospeech.face.layouts import arguments
 from cospeech.files import put, reading_hdf5, writing_hdf5
 
 SCHEMA = "cospeech.face_model"
 EMBEDDED = "cospeech64"
-LANDMARKS = 68  # iBUG 300-W
-LIPS = slice(48, 68)  # of them
 
 
 @dataclass
@@ -104,13 +103,11 @@ class FaceModel:
     def load(cls, path=EMBEDDED):
         """The embedded model (`cospeech64`), or one of the user's: HDF5 as `write` makes it, or an npz of such names.
 
-        Other layouts are read by `layouts.convert`. Raises CospeechError for files that do not fit.
+        Other layouts are read by `convert`. Raises CospeechError for files that do not fit.
         """
         if str(path) == EMBEDDED:
             return embedded()
         if Path(path).suffix == ".npz":
-            from cospeech.face.layouts import convert
-
             return convert(path)
         with reading_hdf5(path, SCHEMA) as file:
             try:
@@ -123,6 +120,11 @@ class FaceModel:
 
 
 ARRAYS = ("mean", "identity", "expression", "triangles", "landmarks", "lips", "irises")
+
+
+def convert(path, **options):
+    """A `FaceModel` in another layout, as whose owner gives it; see `layouts.arguments` for what is read and asked."""
+    return FaceModel(**arguments(path, **options)).validate(path)
 
 
 @cache

@@ -12,7 +12,8 @@ from cospeech.matching.control.keywords import Gesture, Keyword
 from cospeech.matching.control.steps import steps_kept, tested
 from cospeech.matching.database.descriptors import POSE_WIDTH, WINDOW
 from cospeech.matching.search.match import STEP, Match
-from cospeech.matching.search.matcher import COMPILED_WORK, Matcher, checked
+from cospeech.matching.search.matcher import COMPILED_WORK, Matcher
+from cospeech.matching.search.queries import checked
 
 WIDENED = (75, 60)  # what a bound gives way to, in turn, when no window of the database is left; then it is set aside
 OFF = "off"

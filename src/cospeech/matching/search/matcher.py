@@ -6,13 +6,13 @@ ones). Distances are decided in float64; ties go to the lower clip, then to the 
 
 import numpy as np
 
-from cospeech.clip import FEATURES
-from cospeech.errors import CospeechError, notice
+from cospeech.errors import CospeechError
 from cospeech.matching.database.descriptors import POSE_WIDTH, WINDOW, ahead, audio_features
 from cospeech.matching.search.masks import Masks
 from cospeech.matching.search.match import STEP, Match
+from cospeech.matching.search.queries import check_options, checked, tell
+from cospeech.matching.search.stream import Stream
 
-VARIANTS = ("pose", "audio", "pose_only")
 COMPILED_WORK = 40_000  # clips x windows from which compiled kernels pay for their start of about a second
 BATCH = 512  # queries that share one pass over the database
 EVER = 1 << 40  # frames; more than any take has
@@ -101,8 +101,6 @@ class Matcher:
 
         mask : as in `search`, or a function of the window's number that gives its (M, F) bool mask, or None for none.
         """
-        from cospeech.matching.search.stream import Stream
-
         matcher = self if placement is None else self.placed(placement)
         return Stream(matcher, k, mask, initial, seed, variant, exclude_take)
 
@@ -240,33 +238,6 @@ def _ranks(keys):
     return ranks
 
 
-def checked(features, empty=False):
-    """The speech features as an array; CospeechError unless they are finite and (T, 28)."""
-    features = np.asarray(features)
-    if features.ndim != 2 or features.shape[1] != FEATURES or not (empty or len(features)):
-        raise CospeechError(f"speech features: shape {features.shape}, expected (frames, {FEATURES})")
-    if not np.isfinite(features).all():
-        frame = int(np.argwhere(~np.isfinite(features))[0][0])
-        raise CospeechError(f"speech features: NaN or infinity, first in frame {frame}")
-    return features
-
-
-def check_options(k, variant):
-    """CospeechError unless every k (an array) counts from 1 and the variant is one of `VARIANTS`."""
-    if (k < 1).any():
-        raise CospeechError(f"k is {k.min()}, but candidates are counted from 1, the best")
-    if variant not in VARIANTS:
-        raise CospeechError(f"variant {variant!r} is not known; known: {', '.join(VARIANTS)}")
-
-
 def _each(value, count):
     """One entry per query: a list as it is, anything else repeated."""
     return value if isinstance(value, list) else [value] * count
-
-
-def tell(unmasked, first=0):
-    """Notice of the windows, counted from `first`, for which the mask was set aside."""
-    windows = np.flatnonzero(unmasked) + first
-    if len(windows):
-        shown = ", ".join(map(str, windows[:8])) + (", ..." if len(windows) > 8 else "")
-        notice(f"mask: it leaves nothing to match in window {shown}; set aside there")

@@ -6,7 +6,7 @@ from cospeech.clip import FEATURES
 from cospeech.matching.database.descriptors import LOOKAHEAD, WINDOW
 from cospeech.matching.search.masks import Masks
 from cospeech.matching.search.match import STEP, Match
-from cospeech.matching.search.matcher import check_options, checked, tell
+from cospeech.matching.search.queries import check_options, checked, tell
 
 COMPILED_CLIPS = 500  # from which compiled kernels are used, as nobody knows how long the speech will be
 
