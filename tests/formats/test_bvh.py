@@ -1,6 +1,7 @@
 """BVH against the independent reader pybvh, against scipy, and against files that are wrong."""
 
 import warnings
+from contextlib import nullcontext
 
 import numpy as np
 import pybvh
@@ -107,6 +108,42 @@ def test_position_channels_move_joints_frame_by_frame(file):
 @quiet
 def test_frame_times_rounded_in_print_mean_the_rate_they_stand_for(file, printed, fps):
     assert read_bvh(file(SMALL.replace("0.04", printed))).fps == pytest.approx(fps, rel=1e-6)
+
+
+@pytest.mark.parametrize("rate", [10, 12, 15, 20, 24, 25, 30, 50, 60, 72, 90, 100, 120, 240])
+@pytest.mark.parametrize("decimals", [3, 4, 5, 6, 7])
+@quiet
+def test_every_common_rate_survives_the_rounding_of_its_frame_time(file, rate, decimals):
+    printed = f"{1 / rate:.{decimals}f}"
+    if abs(round(1 / float(printed)) * float(printed) - 1) < 1e-9 and round(1 / float(printed)) != rate:
+        pytest.skip(f"{printed} s is a whole rate of its own")  # 0.008 s: 125 fps
+    assert read_bvh(file(SMALL.replace("0.04", printed))).fps == rate
+
+
+@pytest.mark.parametrize(
+    ("printed", "fps"), [("0.067", 15), ("0.0667", 15), ("0.066", 15), ("0.016", 60), ("0.0416", 24)]
+)
+def test_a_guessed_rate_is_told(file, printed, fps):
+    with pytest.warns(CospeechNotice, match="taken as") if abs(float(printed) * fps - 1) > 1e-3 else nullcontext():
+        assert read_bvh(file(SMALL.replace("0.04", printed))).fps == fps
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_names_in_japanese_are_read(file, tmp_path, encoding):
+    text = SMALL.replace("hips", "腰").replace("arm", "右腕")
+    (tmp_path / "japanese.bvh").write_bytes(text.encode(encoding))
+    assert read_bvh(tmp_path / "japanese.bvh").names == tuple(
+        {"hips": "腰", "arm": "右腕", "arm_end": "右腕_end"}.get(name, name) for name in read_bvh(file(SMALL)).names
+    )
+
+
+@pytest.mark.parametrize(("encoding", "arm", "line"), [("shift_jis", "右腕", 6), ("latin-1", "bras_coudé", 6)])
+def test_another_encoding_is_told_with_its_line(tmp_path, encoding, arm, line):
+    assert SMALL.splitlines()[line - 1].strip() == "JOINT arm"
+    (tmp_path / "take.bvh").write_bytes(SMALL.replace("JOINT arm", f"JOINT {arm}").encode(encoding))
+    with pytest.raises(CospeechError, match=rf"take\.bvh: line {line} is not UTF-8") as error:
+        read_bvh(tmp_path / "take.bvh")
+    assert "\n" not in str(error.value)
 
 
 def cut(text, word):

@@ -1,5 +1,6 @@
 """BVH in and out: a skeleton with offsets, then one line of Euler angles in degrees for each frame."""
 
+import codecs
 import re
 import warnings
 from pathlib import Path
@@ -13,8 +14,33 @@ from cospeech.formats.animation import Animation
 from cospeech.rotation import from_euler
 
 # The rates that motion is recorded at, whole ones preferred.
-COMMON_RATES = (24, 30, 48, 60, 72, 90, 120, 144, 180, 240, 300, 360, 480, 960)
-NTSC_RATES = tuple(rate * 1000 / 1001 for rate in (24, 30, 60, 120, 240))
+COMMON_RATES = (
+    10,
+    12,
+    15,
+    20,
+    24,
+    25,
+    30,
+    48,
+    50,
+    60,
+    72,
+    75,
+    90,
+    100,
+    120,
+    144,
+    150,
+    180,
+    200,
+    240,
+    300,
+    360,
+    480,
+    960,
+)
+NTSC_RATES = tuple(rate * 1000 / 1001 for rate in (15, 24, 30, 60, 120, 240))
 
 
 def read_bvh(path):
@@ -27,7 +53,7 @@ def read_bvh(path):
     path = Path(path)
     if not path.is_file():
         raise CospeechError(f"{path}: no such file")
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    text = _text(path)
     if not re.match(r"\s*HIERARCHY\b", text, re.IGNORECASE):
         raise CospeechError(f"{path}: not a BVH file (its first word is not HIERARCHY)")
     motion = re.search(r"^[ \t]*MOTION[ \t]*$", text, re.IGNORECASE | re.MULTILINE)
@@ -38,6 +64,22 @@ def read_bvh(path):
     rotations = _rotations(values, channels)
     translation, local = _translations(path, values, names, channels, offsets)
     return Animation(tuple(names), np.array(parents), offsets, rotations, translation, fps, local)
+
+
+def _text(path):
+    """The file's text: UTF-8, or what a byte order mark says; CospeechError that names the first line in another."""
+    content = path.read_bytes()
+    encoding = "utf-16" if content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+    try:
+        return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        if not re.match(rb"\s*HIERARCHY\b", content, re.IGNORECASE):
+            return ""
+        line = content[: error.start].count(b"\n") + 1
+        raise CospeechError(
+            f"{path}: line {line} is not UTF-8 text (Shift-JIS, Latin-1 or the like?); convert the file, as in "
+            "iconv -f SHIFT_JIS -t UTF-8"
+        ) from error
 
 
 def _read_hierarchy(path, tokens):
@@ -119,10 +161,11 @@ def _rate(path, text):
     if abs(1 / seconds - round(1 / seconds)) < 1e-6:
         return float(round(1 / seconds))
     mantissa, _, exponent = text.lower().partition("e")
-    half_digit = 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-    for rates in (COMMON_RATES, NTSC_RATES):
-        rate = min(rates, key=lambda rate: abs(1 / rate - seconds))
-        if abs(1 / rate - seconds) <= half_digit * 1.001:
+    digit = 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))  # the last one that was printed
+    # rounded, or cut off (0.016 for 60 fps): then the whole digit above what is printed is possible
+    for rates, below, above in ((COMMON_RATES, 0.5, 0.5), (NTSC_RATES, 0.5, 0.5), (COMMON_RATES, 0.0, 1.0)):
+        rate = min(rates, key=lambda rate: abs(1 / rate - seconds - (above - below) / 2 * digit))
+        if -below * 1.001 <= (1 / rate - seconds) / digit <= above * 1.001:
             if abs(rate * seconds - 1) > 1e-3:
                 notice(f"{path}: the frame time {text} s is taken as {rate:g} frames per second, rounded in print")
             return float(rate)
