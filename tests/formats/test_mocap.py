@@ -219,6 +219,51 @@ def test_weights_offsets_end_sites_and_prefixes_in_an_own_mapping(take):
 
 
 @quiet
+@pytest.mark.parametrize(("own", "prop"), [("ada:", "lamp:"), ("ada:", ""), ("", "lamp:")])
+def test_a_props_joint_of_the_same_name_is_not_the_persons(take, own, prop):
+    """Whichever comes last in the file: the head is 82 cm above the pelvis, the lamp's 3 m aside."""
+    rows = [(own + n, p and own + p, o) for n, p, o in person()]
+    plain = take.write(rows).read()
+    for extra in (
+        [*rows[:1], (f"{prop}Head", f"{own}Hips", (300, 0, 0)), *rows[1:]],
+        [*rows, (f"{prop}Head", f"{own}Hips", (300, 0, 0))],
+    ):
+        np.testing.assert_allclose(take.write(extra).read().positions, plain.positions, atol=1e-6)
+    table = load_mapping("zeggs")
+    joints = {name: next(iter(sources)) for name, (sources, _) in table.joints.items()}
+    aside = take.write([*rows, ("lamp2:Head", f"{own}Hips", (30, 80, 0))]).without(
+        "joints", joints=joints | {"head": "lamp2:Head"}
+    )
+    assert aside.read().positions[0, J["head"], 0] == pytest.approx(0.3)  # a whole name is taken at its word
+
+
+@quiet
+def test_two_people_in_one_file_are_a_doubt(take):
+    rows = [(f"ada:{n}", p and f"ada:{p}", o) for n, p, o in person()]
+    rows += [(f"bob:{n}", f"bob:{p}" if p else "ada:Hips", o) for n, p, o in person()]
+    with pytest.raises(CospeechError, match=r"may be ada:(\w+) or bob:\1; write the joint's whole name") as error:
+        take.write(rows).read()
+    assert "\n" not in str(error.value)
+
+
+@quiet
+def test_a_number_is_a_unit_and_a_dwarf_is_no_guess(take):
+    plain = take.write(person()).read()
+    cmu = take.write(person(), scale=0.01 / 0.056444).without("units")
+    np.testing.assert_allclose(cmu.read(units=0.056444).positions, plain.positions, atol=1e-5)
+    np.testing.assert_allclose(cmu.without("units", units=0.056444).read().positions, plain.positions, atol=1e-5)
+    with pytest.raises(
+        CospeechError, match=r"no usual unit fits.*as in 'units: 0\.0\d+', in the subject file"
+    ) as error:
+        cmu.without("units").read()
+    size = float(str(error.value).split("units: ")[1].split("'")[0])
+    assert size == pytest.approx(0.056444, rel=0.1)  # the person of the test is about the adult's size
+    for wrong in (0, -1.0, float("nan"), True, "1e-2"):
+        with pytest.raises(CospeechError, match=r"units: .* as a number"):
+            cmu.read(units=wrong)
+
+
+@quiet
 def test_a_zero_pose_that_does_not_stand_is_replaced_by_the_first_frame(take):
     """A skeleton that leans by 45 degrees when all rotations are zero, set upright by its hips."""
     lean = Rotation.from_euler("x", 45, degrees=True)

@@ -1,6 +1,8 @@
 """Joint mappings: which joint of a recording is which of upper55 (`skeletons/*.yaml`, or one's own file)."""
 
+import math
 import re
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -23,13 +25,14 @@ class Mapping:
     """A mapping file (docs/mocap.md).
 
     source: the file, for messages; joints: {upper55 name: ({joint of the recording: weight}, offset (3,) in metres in
-    the heaviest joint's own frame)}; units and up as declared, or None; rest: "zero" or "first"; forward: pairs of
-    joints of the recording that point ahead; head_rotation: the joint that turns with the skull.
+    the heaviest joint's own frame)}; units (m, cm, mm, inch or metres in one) and up as declared, or None; rest: "zero"
+    or "first"; forward: pairs of joints of the recording that point ahead; head_rotation: the joint that turns with
+    the skull.
     """
 
     source: str
     joints: dict
-    units: str | None
+    units: str | float | None
     up: str | None
     rest: str
     forward: tuple
@@ -37,7 +40,7 @@ class Mapping:
 
     def bind(self, names, motion):
         """`Points`, this mapping on a recording whose joints are `names`; body joints that it lacks are an error."""
-        index = {name.rpartition(":")[2]: i for i, name in enumerate(names)} | {name: i for i, name in enumerate(names)}
+        index = self._index(names, motion)
         weights, offsets, anchors = np.zeros((len(UPPER55), len(names))), np.zeros((len(UPPER55), 3)), {}
         for target, (sources, offset) in self.joints.items():
             if sources.keys() <= index.keys():
@@ -56,6 +59,29 @@ class Mapping:
             )
         forward = [(index[a], index[b]) for a, b in self.forward if a in index and b in index]
         return Points(weights, offsets, anchors, forward, index[self.head_rotation])
+
+    def _index(self, names, motion):
+        """{name in this mapping: joint}. Of several joints that are alike but for the prefix before their colon, the
+        one of the character is taken: the prefix that most of the mapping's joints have. CospeechError in doubt."""
+        wanted = {name for sources, _ in self.joints.values() for name in sources} | {self.head_rotation}
+        wanted |= {name for pair in self.forward for name in pair}
+        index, alike = {}, defaultdict(list)
+        for i, name in enumerate(names):
+            index[name] = i
+            prefix, _, short = name.rpartition(":")
+            alike[short].append((prefix, i))
+        owned = Counter(prefix for short in wanted for prefix, _ in alike.get(short, ()))
+        owner = max(owned, key=owned.get, default="")
+        rivals = {prefix for prefix, count in owned.items() if prefix != owner and 2 * count >= owned[owner]}
+        for short, places in alike.items():
+            own = [i for prefix, i in places if len(places) == 1 or prefix == owner]
+            if short in wanted and (len(own) != 1 or rivals & {prefix for prefix, _ in places if len(places) > 1}):
+                raise CospeechError(
+                    f"{motion}: {short!r} may be {' or '.join(names[i] for _, i in places)}; write the joint's whole "
+                    f"name into the mapping {self.source}"
+                )
+            index[short] = own[0] if own else places[-1][1]
+        return index
 
 
 @dataclass(frozen=True)
@@ -110,8 +136,10 @@ def _mapping(source, table):
     if not (isinstance(forward, list) and all(isinstance(pair, list) and len(pair) == 2 for pair in forward)):
         raise CospeechError(f"{source}: forward: expected pairs of joints like [[LeftFoot, LeftToeBase]]")
     head = table.get("head_rotation", max(joints["head"][0], key=joints["head"][0].get))
-    for key, allowed in (("units", UNITS), ("up", AXES), ("rest", ("zero", "first"))):
+    for key, allowed in (("up", AXES), ("rest", ("zero", "first"))):
         check_choice(source, key, table.get(key), allowed)
+    if table.get("units") is not None:
+        metres(source, table["units"])
     pairs = tuple((str(a), str(b)) for a, b in forward)
     return Mapping(source, joints, table.get("units"), table.get("up"), table.get("rest", "zero"), pairs, str(head))
 
@@ -120,6 +148,18 @@ def check_choice(where, key, value, allowed):
     """CospeechError unless `value` is None or one of `allowed`."""
     if value is not None and value not in allowed:
         raise CospeechError(f"{where}: {key}: {value!r}; expected one of {', '.join(allowed)}")
+
+
+def metres(where, units):
+    """Metres in one of `units`: m, cm, mm, inch or that number itself; CospeechError for anything else."""
+    if isinstance(units, str) and units in UNITS:
+        return UNITS[units]
+    if isinstance(units, bool) or not isinstance(units, int | float) or not 0 < units < math.inf:
+        raise CospeechError(
+            f"{where}: units: {units!r}; expected one of {', '.join(UNITS)}, or the metres in one unit as a number "
+            "above 0, as in 0.056444"
+        )
+    return float(units)
 
 
 def _sources(source, name, entry):

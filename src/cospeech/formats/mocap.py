@@ -10,11 +10,12 @@ from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError, notice
 from cospeech.files import sha256
 from cospeech.formats.bvh import read_bvh
-from cospeech.formats.mapping import AXES, UNITS, check_choice, load_mapping
+from cospeech.formats.mapping import AXES, UNITS, check_choice, load_mapping, metres
 from cospeech.rotation import between, heading, resample, resample_rotations
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, to_parent_relative
 
 TORSO_AND_ARM = 1.1  # metres: pelvis-spine-neck plus shoulder-elbow-wrist of an adult, to guess units by
+LIKELY = 0.75, 1.6  # metres of the same, beyond which a guess makes a dwarf or a giant
 HEADING_SECONDS = 0.5  # sigma of the Gaussian that smooths the heading
 UP = np.array([0.0, 1.0, 0.0])
 JOINT = UPPER55.index
@@ -50,8 +51,9 @@ def read_mocap_take(
 
     motion: a BVH file; audio: any sound file that starts with it; skeleton: "zeggs", "beat" or the path of a mapping.
     Seconds `start` to `end` are taken (to the end of the shorter file by default), T = round(seconds * fps). `words` is
-    a file of word times, by default the one beside the audio. `units` (m, cm, mm, inch) and `up` (x, y, z, -x, -y, -z)
-    overrule the mapping; what neither tells is guessed, with a notice. `audio_path` becomes `clip.audio`.
+    a file of word times, by default the one beside the audio. `units` (m, cm, mm, inch, or metres in one) and `up`
+    (x, y, z, -x, -y, -z) overrule the mapping; what neither tells is guessed, with a notice. `audio_path` becomes
+    `clip.audio`.
     Raises CospeechError for files that do not fit the mapping or each other, and for takes outside the files.
     """
     from cospeech.speech import audio_duration, find_words, integrated_loudness, load_audio, read_words, speech_features
@@ -102,11 +104,11 @@ def convert(animation, mapping, frames, fps=15.0, start=0.0, units=None, up=None
     keep their lengths. Heading (from hips and shoulders, smoothed over 0.5 s) is taken out of positions and head
     rotation; the root's path keeps its shape, turned so that the first frame faces +z.
     """
-    check_choice(name, "units", units, UNITS)
     check_choice(name, "up", up, AXES)
     points = mapping.bind(animation.names, name)
     rest, axes = _rest_pose(animation, mapping, points, name)
-    scale = UNITS[units or mapping.units or _guess_units(points.weights @ rest[0][0], name)]
+    declared = mapping.units if units is None else units
+    scale = metres(name, _guess_units(points.weights @ rest[0][0], name) if declared is None else declared)
     moving, take = _resampled(animation, fps, frames, start)
     joints, turns = moving.forward_kinematics()
     positions = points.positions(joints, turns, scale)
@@ -198,9 +200,15 @@ def _guess_units(points, name):
     if not size:
         raise CospeechError(f"{name}: torso and arms have no length")
     unit = min(UNITS, key=lambda unit: abs(np.log(size * UNITS[unit] / TORSO_AND_ARM)))
+    if not LIKELY[0] <= size * UNITS[unit] <= LIKELY[1]:
+        raise CospeechError(
+            f"{name}: no usual unit fits: torso and arm are {size:.4g} long, {size * UNITS[unit]:.2f} m in {unit}; an "
+            f"adult's are about {TORSO_AND_ARM} m. Give the metres in one unit, as in 'units: "
+            f"{TORSO_AND_ARM / size:.3g}', in the subject file's source or in the mapping"
+        )
     notice(
         f"{name}: units are taken as {unit} (torso and arm measure {size * UNITS[unit]:.2f} m then); if they are not, "
-        "declare 'units'"
+        "declare 'units' in the subject file's source or in the mapping"
     )
     return unit
 
