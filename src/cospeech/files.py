@@ -1,9 +1,10 @@
-"""Files that are whole or absent: all that the project writes goes through here, and every YAML file that it reads."""
+"""Files that are whole or absent: all that is written goes through here, YAML with limits, arrays without pickles."""
 
 import hashlib
 import math
 import os
 import re
+import zipfile
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -162,3 +163,28 @@ class _Loader(yaml.SafeLoader):
 
 for _kind in ("int", "float", "timestamp"):
     _Loader.add_constructor(f"tag:yaml.org,2002:{_kind}", getattr(_Loader, f"construct_yaml_{_kind}"))
+
+
+def load_arrays(path):
+    """{name: array} of an .npz file; one clear line for what would have to be unpickled."""
+    if not zipfile.is_zipfile(path):
+        raise CospeechError(f"{path}: not a readable .npz file (truncated, or another format)")
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            return {name: array for name in content.files if (array := _plain(content, name)) is not None}
+    except (OSError, ValueError) as error:
+        if "pickle" in str(error):
+            raise CospeechError(
+                f"{path}: holds pickled objects, which could run any code; save it as arrays"
+            ) from error
+        raise CospeechError(f"{path}: not a readable .npz file (truncated, or another format)") from error
+
+
+def _plain(content, name):
+    """One array of an .npz file; objects (file lists, say) are left out unless they are all there is."""
+    try:
+        return content[name]
+    except ValueError as error:
+        if "pickle" in str(error) and len(content.files) > 1:
+            return None
+        raise

@@ -11,6 +11,7 @@ from cospeech.capture.trackers.precomputed import PrecomputedTracker, read_parts
 from cospeech.capture.trackers.registry import run_trackers
 from cospeech.capture.trackers.smplx import smplx_parts
 from cospeech.errors import CospeechError, CospeechNotice
+from cospeech.formats.smplx_motion import smplx_table
 from cospeech.skeleton import UPPER55
 from tests.capture.films import textured, write_film
 from tests.test_track import make_track
@@ -147,9 +148,8 @@ def test_smplx_turns_joints_about_their_parents(tmp_path):
 
 def test_smplx_by_the_users_body_model_and_z_up(tmp_path):
     """A model whose joints are its vertices: rest joints come out, moved by betas; z-up files are put upright."""
-    from cospeech.capture.trackers import smplx
-
-    rest = np.array([smplx._table()["rest"][name] for name in list(smplx._table()["parents"])[:55]])
+    table = smplx_table()
+    rest = np.array([table["rest"][name] for name in list(table["parents"])[:55]])
     model = tmp_path / "SMPLX_NEUTRAL.npz"
     shapes = np.zeros((55, 3, 10))
     shapes[:, :, 0] = rest  # the first beta makes everything larger
@@ -162,7 +162,7 @@ def test_smplx_by_the_users_body_model_and_z_up(tmp_path):
     }
     parts, rate = smplx_parts(arrays, "motion.npz", model)
     assert rate == 30.0
-    index = list(smplx._table()["parents"]).index("left_wrist")
+    index = list(table["parents"]).index("left_wrist")
     wanted = (rest[index] - rest[0]) * 1.1 * [1, -1, -1]
     np.testing.assert_allclose(space(parts["body"], "left_wrist")[0], wanted, atol=1e-6)
     with pytest.raises(CospeechError, match="hands without"):

@@ -2,6 +2,8 @@
 
 TAKE_TABLES = ["<results>/tables/takes.csv"] if on_video() else []
 
+MOTION_KEYS = ("skeleton", "units", "up", "body_model")  # of a mocap subject's source
+
 
 rule annotate_demo:
     input:
@@ -45,7 +47,7 @@ rule annotate_mocap:
     resources:
         mem_mb=1500,
     params:
-        source=lambda w: {key: SUBJECTS[w.subject].source.get(key) for key in ("skeleton", "units", "up")},
+        source=lambda w: {key: SUBJECTS[w.subject].source.get(key) for key in MOTION_KEYS},
         start=lambda w: take_of(w).get("start", 0.0),
         end=lambda w: take_of(w).get("end"),
         fps=config["fps"],

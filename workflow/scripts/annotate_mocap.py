@@ -10,15 +10,13 @@ with job():
     clip = read_mocap_take(
         files.motion,
         files.audio,
-        params.source["skeleton"],
         subject=snakemake.wildcards.subject,
         clip=snakemake.wildcards.clip,
         fps=params.fps,
         start=params.start,
         end=params.end,
         words=files.get("words"),
-        units=params.source["units"],
-        up=params.source["up"],
+        **params.source,
         audio_path=f"../media/{snakemake.wildcards.clip}.wav",
     )
     end = min(params.start + clip.duration, audio_duration(files.audio))

@@ -1,5 +1,6 @@
-"""Motion capture in: a BVH file and its sound become a clip (docs/mocap.md)."""
+"""Motion capture in: a BVH or SMPL-X file and its sound become a clip (docs/mocap.md)."""
 
+import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,9 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError, notice
-from cospeech.files import sha256
+from cospeech.files import load_arrays, sha256
 from cospeech.formats.bvh import read_bvh
 from cospeech.formats.mapping import AXES, UNITS, check_choice, load_mapping, metres
+from cospeech.formats.smplx_motion import is_smplx, smplx_animation
 from cospeech.rotation import between, heading, resample, resample_rotations
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, to_parent_relative
 
@@ -44,12 +46,13 @@ class Figure:
 
 
 def read_mocap_take(
-    motion, audio, skeleton, *, subject, clip, fps=15.0, start=0.0, end=None, words=None, units=None, up=None,
-    audio_path="",
+    motion, audio, skeleton=None, *, subject, clip, fps=15.0, start=0.0, end=None, words=None, units=None, up=None,
+    audio_path="", body_model=None,
 ):  # fmt: skip
     """One take of motion capture as a `Clip`.
 
-    motion: a BVH file; audio: any sound file that starts with it; skeleton: "zeggs", "beat" or the path of a mapping.
+    motion: BVH, or SMPL-X parameters (.npz), whichever it holds; audio: any sound file that starts with it; skeleton:
+    "zeggs", "beat" or the path of a mapping, which SMPL-X does not need; body_model: the SMPL-X model of its bones.
     Seconds `start` to `end` are taken (to the end of the shorter file by default), T = round(seconds * fps). `words` is
     a file of word times, by default the one beside the audio. `units` (m, cm, mm, inch, or metres in one) and `up`
     (x, y, z, -x, -y, -z) overrule the mapping; what neither tells is guessed, with a notice. `audio_path` becomes
@@ -58,22 +61,50 @@ def read_mocap_take(
     """
     from cospeech.speech import audio_duration, find_words, integrated_loudness, load_audio, read_words, speech_features
 
-    mapping, animation = load_mapping(skeleton), read_bvh(motion)
+    mapping, animation, seen = read_motion(motion, skeleton, body_model)
     seconds = audio_duration(audio)
     end = _end(motion, audio, len(animation) / animation.fps, seconds, start, end, fps)
     frames = round((end - start) * fps)
     if not frames:
         raise CospeechError(f"{motion}: the take from {start:g} s to {end:g} s has 0 frames at {fps:g} fps")
     figure = convert(animation, mapping, frames, fps=fps, start=start, units=units, up=up, name=motion)
+    share = _share_seen(seen, animation.fps, fps, frames, start)
+    figure.confidence *= share[:, None]
     samples, rate = load_audio(audio, start=start, end=min(end, seconds))
     spoken = read_words(words) if words else find_words(audio)
     return Clip(
         subject, clip, float(fps), figure.positions.astype(np.float32),
         speech_features(samples, rate, fps=fps, frames=frames), confidence=figure.confidence.astype(np.float32),
-        root=figure.root.astype(np.float32), rotation=figure.rotation.astype(np.float32),
+        root=figure.root.astype(np.float32), rotation=figure.rotation.astype(np.float32), valid=share > 0,
         words=cut_words(spoken or Words.none(), start, end), audio=audio_path, sample_rate=rate,
         loudness_lufs=integrated_loudness(samples, rate), source=Path(motion).name, source_sha256=sha256(motion),
     ).validate(motion)  # fmt: skip
+
+
+def read_motion(motion, skeleton=None, body_model=None):
+    """(`Mapping`, `Animation`, seen (T,) bool) of a motion file, whose content and not its suffix says what it is."""
+    if not zipfile.is_zipfile(motion):
+        if skeleton is None:
+            raise CospeechError(f"{motion}: needs 'skeleton': zeggs, beat or the path of a mapping (docs/mocap.md)")
+        mapping, animation = load_mapping(skeleton), read_bvh(motion)
+        return mapping, animation, np.ones(len(animation), bool)
+    arrays = load_arrays(motion)
+    if not is_smplx(arrays):
+        shapes = ", ".join(f"{key} {array.shape}" for key, array in arrays.items())
+        raise CospeechError(
+            f"{motion}: no SMPL-X parameters ('poses', or 'global_orient' and 'body_pose'); it holds {shapes}"
+        )
+    animation, seen = smplx_animation(arrays, motion, body_model)
+    return load_mapping("smplx" if skeleton in (None, "auto") else skeleton), animation, seen
+
+
+def _share_seen(seen, rate, fps, frames, start):
+    """(frames,) share of the file's frames within each of the clip's that were seen."""
+    ends = (start + (np.arange(frames + 1) - 0.5) / fps) * rate
+    first = np.clip(np.ceil(ends[:-1]).astype(int), 0, len(seen) - 1)
+    last = np.clip(np.ceil(ends[1:]).astype(int), first + 1, None)  # at least the nearest one
+    total = np.concatenate([[0], np.cumsum(seen)])
+    return (total[np.minimum(last, len(seen))] - total[first]) / (np.minimum(last, len(seen)) - first)
 
 
 def _end(motion, audio, moving, sounding, start, end, fps):

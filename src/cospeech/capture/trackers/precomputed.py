@@ -1,13 +1,14 @@
 """The tracker `tracks`: what another program saw, read from its files. Arrays only: nothing is ever unpickled."""
 
 import json
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
-from cospeech.capture.trackers.smplx import is_smplx, smplx_parts
+from cospeech.capture.trackers.smplx import smplx_parts
 from cospeech.errors import CospeechError, notice
+from cospeech.files import load_arrays
+from cospeech.formats.smplx_motion import is_smplx
 from cospeech.skeleton import UPPER55, Skeleton
 from cospeech.track import FaceCoefficients, Points, Track
 
@@ -74,21 +75,6 @@ def read_parts(path, film=None, body_model=None):
         return _points49(pose), PUBLISHED_RATE
     shapes = ", ".join(f"{key} {array.shape}" for key, array in arrays.items())
     raise CospeechError(f"{path}: none of the formats of docs/capture.md (it holds {shapes or 'nothing'})")
-
-
-def load_arrays(path):
-    """{name: array} of an .npz file; one clear line for what would have to be unpickled."""
-    if not zipfile.is_zipfile(path):
-        raise CospeechError(f"{path}: not a readable .npz file (truncated, or another format)")
-    try:
-        with np.load(path, allow_pickle=False) as content:
-            return {name: array for name in content.files if (array := _plain(content, name)) is not None}
-    except (OSError, ValueError) as error:
-        if "pickle" in str(error):
-            raise CospeechError(
-                f"{path}: holds pickled objects, which could run any code; save it as arrays"
-            ) from error
-        raise CospeechError(f"{path}: not a readable .npz file (truncated, or another format)") from error
 
 
 def read_release(path, number=None):
@@ -223,13 +209,3 @@ def _points137(pose):
     """{part: Points} of (T, 3, 137): BODY_25, 70 of the face, 21 of each hand, with scores."""
     points = pose.swapaxes(1, 2).astype(np.float32)
     return {part: _flat(OPENPOSE[part][1], points[:, first:last]) for part, (first, last) in SPLIT137.items()}
-
-
-def _plain(content, name):
-    """One array of an .npz file; objects (file lists, say) are left out unless they are all there is."""
-    try:
-        return content[name]
-    except ValueError as error:
-        if "pickle" in str(error) and len(content.files) > 1:
-            return None
-        raise
