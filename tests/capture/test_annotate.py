@@ -100,6 +100,18 @@ def refused(change, says):
 
 
 @quiet
+@pytest.mark.parametrize("parts", [("body", "left_hand", "right_hand", "face_landmarks"), ("body",), ("left_hand",)])
+def test_bodies_without_pixels_are_not_judged_by_pixels(parts):
+    """As SMPL-X files have them, all of the person or a part: the same clip as with pixels."""
+    track, seen = make_track(seconds=3.0), make_track(seconds=3.0)
+    for part in parts:
+        getattr(track, part).xy[:] = 0
+    (clip, quality), _ = notices(annotate, track, subject="s", clip="c")
+    (plain, _), _ = notices(annotate, seen, subject="s", clip="c")
+    np.testing.assert_allclose(clip.positions, plain.positions, atol=1e-3)
+    assert clip.valid.all() and quality.observed["left_hand"] == 1
+
+
 def test_takes_that_cannot_become_clips_are_refused_with_the_reason():
     refused(lambda track: track.body.observed.fill(False), "no person was seen")
     refused(lambda track: track.body.observed[10:].fill(False), "mostly hidden: a body was seen in 17%")

@@ -76,6 +76,13 @@ def test_the_speaker_may_leave_and_come_back(tmp_path):
     np.testing.assert_array_equal(track.body.observed, [True] * 10 + [False] * 30 + [True] * 10)
 
 
+def test_a_body_without_pixels_is_the_speakers_in_every_shot(tmp_path):
+    film = open_film(write_film(tmp_path / "film.mp4", np.concatenate([textured(1, 10), textured(2, 10)])))
+    body = Points.empty("upper13", 20)
+    body.observed[:], body.score[:] = True, 1
+    assert not frames_of_others(film, body, np.array([10])).any()
+
+
 def test_one_stretch_needs_no_second_look(tmp_path):
     film = open_film(write_film(tmp_path / "film.mp4", [ROOM] * 5))
     (tmp_path / "film.mp4").unlink()

@@ -85,7 +85,7 @@ def _refuse(track, sight, settings, name):
             "are needed; the take is refused"
         )
     height = face_height(track, sight)
-    if height < settings.least_face:
+    if height is not None and height < settings.least_face:
         raise CospeechError(
             f"{name}: low resolution: the face is {height:.0f} pixels high, at least {settings.least_face:.0f} are "
             "needed; the take is refused"
@@ -97,12 +97,15 @@ def _refuse(track, sight, settings, name):
 
 
 def face_height(track, sight):
-    """Median height of the face in pixels: of its landmarks, or from neck to crown where it has none."""
+    """Median height of the face in pixels: of its landmarks, or from neck to crown where it has none; None for what
+    was never in a picture (a body from another program that is known in space alone)."""
     points = track.face_landmarks
-    if points is not None and points.observed.any():
+    if points is not None and points.xy[points.observed].any():
         return float(np.median(np.ptp(points.xy[points.observed][..., 1], axis=1)))
     neck, top = UPPER55.joints("neck", "head_top")
     seen = sight.seen[:, top]
+    if not sight.pixels[seen].any():
+        return None
     return float(np.median(np.linalg.norm(sight.pixels[seen, top] - sight.pixels[seen, neck], axis=1)))
 
 

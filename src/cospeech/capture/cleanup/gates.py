@@ -96,8 +96,8 @@ def joined_gate(pixels, seen, part, tolerance):
     wrist, root = UPPER55.joints(f"{side}_wrist", f"{side}_hand_root")
     left, right = UPPER55.joints("left_shoulder", "right_shoulder")
     body = seen[:, BODY].any(axis=1)
-    if not body.any():
-        return np.zeros(len(pixels), bool)
+    if not body.any() or not pixels[body, wrist].any() or not pixels[seen[:, root], root].any():
+        return np.zeros(len(pixels), bool)  # never seen, or not in the picture
     shoulders = np.median(np.linalg.norm(pixels[body, left] - pixels[body, right], axis=-1))
     away = np.linalg.norm(pixels[:, root] - pixels[:, wrist], axis=-1)
     return (away > tolerance * shoulders) & seen[:, wrist] & seen[:, root]

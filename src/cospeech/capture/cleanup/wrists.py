@@ -17,7 +17,7 @@ def wrists_at_hands(sight, believed):
     sized = (body.sum(axis=1) >= 3) & (scale > 0)
     for side in SIDES:
         wrist, root = UPPER55.joints(f"{side}_wrist", f"{side}_hand_root")
-        known = sized & believed[:, wrist] & believed[:, root]
+        known = sized & believed[:, wrist] & believed[:, root] & sight.pixels[:, root].any(axis=1)
         step = (sight.pixels[known, root] - sight.pixels[known, wrist]) / scale[known, None]
         positions[known, wrist, :2] += step * [1.0, -1.0]
     return positions

@@ -19,8 +19,10 @@ def frames_of_others(film, body, cuts):
 
     The body's course is cut at shots and where its box jumps. Stretches whose persons look alike (colours of head and
     torso) are one person; the one seen most (frames times box size) is the speaker. One look at the film is taken
-    again, and only if there are several stretches.
+    again, and only if there are several stretches. A body that is not in the picture at all is the speaker's.
     """
+    if not body.xy.any():
+        return np.zeros(len(body), bool)
     boxes = person_boxes(body)
     stretches = _stretches(boxes, body.observed, cuts, film.fps)
     others = np.zeros(len(body), bool)
