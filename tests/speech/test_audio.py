@@ -36,17 +36,20 @@ def tone(seconds, rate=RATE, frequency=440.0, amplitude=0.3):
     return (amplitude * np.sin(2 * np.pi * frequency * time) * np.linspace(0.2, 1, len(time))).astype(np.float32)
 
 
-def encode(path, channels, rate=RATE, codec="pcm_s16le", sample_format="s16", begin=0.0, video=False, **options):
-    """Write `channels` (C, N) with PyAV, after `begin` seconds beside a film when `video` is set."""
+def encode(
+    path, channels, rate=RATE, codec="pcm_s16le", sample_format="s16", begin=0.0, video=False, picture=0, **options
+):
+    """Write `channels` (C, N) with PyAV, after `begin` seconds beside a film when `video` is set, whose first picture
+    comes `picture` frames late."""
     layout = {1: "mono", 2: "stereo", 6: "5.1"}[len(channels)]
     with av.open(path, "w", options=options) as container:
         stream = container.add_stream(codec, rate=rate, layout=layout, format=sample_format)
         if video:
             pictures = container.add_stream("mpeg4", rate=25, width=64, height=64, pix_fmt="yuv420p")
             for i in range(25):
-                picture = av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8))
-                picture.pts = i
-                container.mux(pictures.encode(picture))
+                shown = av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8))
+                shown.pts = i + picture
+                container.mux(pictures.encode(shown))
             container.mux(pictures.encode())
         frame = av.AudioFrame.from_ndarray(np.ascontiguousarray(channels, np.float32), "fltp", layout)
         frame.sample_rate = rate
@@ -134,6 +137,25 @@ def test_sound_of_a_film_is_on_the_pictures_clock(tmp_path):
     assert np.abs(samples[: rate // 2 - 50]).max() == 0
     assert np.abs(samples[rate // 2 :][: len(source)] - source[: len(samples) - rate // 2]).max() < 0.02
     assert audio_duration(film) == pytest.approx(len(samples) / rate)
+
+
+@pytest.mark.parametrize(("suffix", "late"), [("mp4", 12), ("mp4", 60), ("mkv", 12)])  # pictures of 25 a second
+def test_a_picture_that_begins_late_damages_no_sound(tmp_path, suffix, late):
+    """Sound before the first picture is not asked for; its absence is no damage (`quiet_is_failure`)."""
+    source = tone(4.5, 48000)
+    film = encode(tmp_path / f"film.{suffix}", source[None], 48000, "aac", "fltp", video=True, picture=late)
+    samples, rate = load_audio(film)
+    begin = late * rate // 25
+    count = min(len(samples), len(source) - begin) - rate // 10
+    assert count > 0.9 * (len(source) - begin) - rate // 10
+    assert np.abs(samples[:count] - source[begin:][:count]).mean() < 0.005
+    assert audio_duration(film) == pytest.approx(len(samples) / rate)
+    truncated = tmp_path / f"cut.{suffix}"
+    encode(truncated, source[None], 48000, "aac", "fltp", video=True, picture=late, movflags="faststart")
+    truncated.write_bytes(truncated.read_bytes()[: truncated.stat().st_size * 6 // 10])
+    if suffix == "mp4":  # whose head tells how long it was
+        with pytest.warns(CospeechNotice, match="truncated"):
+            load_audio(truncated)
 
 
 def not_sound(folder):

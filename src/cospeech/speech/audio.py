@@ -264,7 +264,10 @@ def _check(sound, samples, start, end, whole):
 
 
 def _declared(sound):
-    """Seconds that the container declares, or None where it only guesses from the bit rate (mp3 without its header)."""
+    """Seconds from time 0 on that the container declares, or None where it only guesses from the bit rate (mp3 without
+    its header)."""
     stream, name = sound.stream, sound.container.format.name
-    guessed = name == "aac" or (name == "mp3" and not stream.start_time)
-    return None if guessed or stream.duration is None else float(stream.duration * stream.time_base)
+    if name == "aac" or (name == "mp3" and not stream.start_time) or stream.duration is None:
+        return None
+    end = float((stream.start_time or 0) + stream.duration) * float(stream.time_base)
+    return end - (sound.origin or 0.0)  # what sounds before a film's first picture is not asked for
