@@ -34,6 +34,21 @@ def write_film(
     return path
 
 
+def write_live(path, pictures, times, rate, codec="libvpx"):
+    """A webm as browsers record it: no length, no index, clock of a millisecond, and `rate` in its head is not true."""
+    with av.open(path, "w", format="webm", options={"live": "1"}) as container:
+        stream = container.add_stream(codec, rate=rate)
+        stream.height, stream.width = pictures[0].shape[:2]
+        stream.pix_fmt, stream.codec_context.time_base = "yuv420p", Fraction(1, 1000)
+        stream.bit_rate, stream.options = 20_000_000, {"deadline": "good", "cpu-used": "4", "qmin": "0", "qmax": "2"}
+        for picture, time in zip(pictures, times, strict=True):
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), "rgb24")
+            frame.pts, frame.time_base = round(time * 1000), Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return path
+
+
 def _write_tone(container, track, hertz, seconds):
     samples = 0.3 * np.sin(2 * np.pi * hertz * np.arange(round(seconds * 16000)) / 16000)
     for start in range(0, len(samples), 1024):

@@ -10,7 +10,7 @@ from cospeech.capture.film.decoding import open_film
 from cospeech.capture.film.prefetch import ahead
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.speech import load_audio
-from tests.capture.films import numbered, numbers, textured, write_film
+from tests.capture.films import numbered, numbers, textured, write_film, write_live
 
 
 def test_every_picture_once_at_the_files_own_rate(tmp_path):
@@ -36,6 +36,23 @@ def test_variable_rate_becomes_constant_by_the_nearest_picture(tmp_path):
     wanted = [int(np.abs(times - i / 15).argmin()) for i in range(len(found))]
     assert found == wanted
     assert len(found) / 15 == pytest.approx(times[-1] + 1 / 25, abs=0.15)
+
+
+@pytest.mark.parametrize("head", [1000, 24])  # Hz that the file's head claims
+@pytest.mark.parametrize("codec", ["libvpx", "libvpx-vp9"])
+def test_a_live_recording_has_the_rate_of_its_pictures(tmp_path, head, codec):
+    film = open_film(write_live(tmp_path / "live.webm", numbered(60), np.arange(60) * 0.033, head, codec))
+    assert film.rate == pytest.approx(1 / 0.033, rel=1e-3) and film.fps == film.rate and film.frames == 60
+    assert film.end == pytest.approx(60 * 0.033, abs=0.002)
+    assert numbers(film.pictures()) == list(range(60))
+
+
+def test_picture_times_are_those_of_the_file(tmp_path):
+    times = np.concatenate([np.arange(30) / 30, 1 + np.arange(15) / 15])
+    film = open_film(write_film(tmp_path / "film.mp4", numbered(45), times=times))
+    np.testing.assert_allclose(film.picture_times(), times, atol=1e-4)
+    late = open_film(write_film(tmp_path / "late.mp4", numbered(45), times=times + 0.48))
+    np.testing.assert_allclose(late.picture_times(), times, atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,104 @@ def test_openpose(tmp_path, film):
     assert track.body.xyz is None
 
 
+def renamed(folder, name):
+    """Its files under other names: name(frame), or None for a frame that is lost."""
+    for file in sorted(folder.iterdir()):
+        frame = int(file.name.split("_")[1])
+        file.rename(folder / name(frame)) if name(frame) else file.unlink()
+    return folder
+
+
+NAMES = {
+    "film's": lambda k: f"talk_{k:012d}_keypoints.json",
+    "not padded": lambda k: f"talk_{k}_keypoints.json",
+    "pictures from 1": lambda k: f"img{k + 1:04d}_keypoints.json",
+    "number before a word": lambda k: f"{k:05d}_rendered_keypoints.json",
+}
+
+
+@pytest.mark.filterwarnings("ignore::cospeech.errors.CospeechNotice")
+@pytest.mark.parametrize("style", NAMES)
+def test_openpose_files_are_of_the_frame_whose_number_they_have(tmp_path, film, style):
+    lost = range(7, 12)
+    folder = renamed(write_openpose(tmp_path / "json", 20), lambda k: None if k in lost else NAMES[style](k))
+    track = run_trackers(film, PrecomputedTracker(folder))
+    seen = np.array([k != 3 and k not in lost for k in range(20)])
+    np.testing.assert_array_equal(track.body.observed, seen)
+    np.testing.assert_allclose(at(track.body, "nose")[seen, 0], np.arange(20)[seen])
+
+
+def test_openpose_files_whose_numbers_are_no_frames(tmp_path, film):
+    folder = renamed(write_openpose(tmp_path / "dates", 20), lambda k: f"20240517{k:02d}_keypoints.json")
+    with pytest.warns(CospeechNotice, match="files are counted"):
+        track = run_trackers(film, PrecomputedTracker(folder))
+    np.testing.assert_allclose(at(track.body, "nose")[4:, 0], np.arange(4, 20))
+    folder = renamed(write_openpose(tmp_path / "twice", 2), lambda k: f"cam{k}_0007_keypoints.json")
+    with pytest.raises(
+        CospeechError, match=r"cam0_0007_keypoints\.json and cam1_0007_keypoints\.json are both of frame 7"
+    ):
+        read_parts(folder)
+
+
+NOBODY = ['{"people": null}', '{"people": [null]}', '{"people": []}', '{"version": 1.3}', '{"people": [{}]}',
+          '{"people": [{"pose_keypoints_2d": null}]}', '{"people": [{"pose_keypoints_2d": []}]}']  # fmt: skip
+
+
+@pytest.mark.parametrize("content", NOBODY)
+def test_null_and_absent_people_are_not_seen(tmp_path, film, content):
+    folder = write_openpose(tmp_path / "json", 20)
+    (folder / f"film_{8:012d}_keypoints.json").write_text(content)
+    track = run_trackers(film, PrecomputedTracker(folder))
+    np.testing.assert_array_equal(np.flatnonzero(~track.body.observed), [3, 8])
+
+
+def test_null_numbers_are_points_not_seen(tmp_path):
+    folder = write_openpose(tmp_path / "json", 2)
+    file = folder / f"film_{1:012d}_keypoints.json"
+    content = json.loads(file.read_text())
+    content["people"][1]["pose_keypoints_2d"][:3] = [None, None, None]
+    file.write_text(json.dumps(content))
+    parts, _ = read_parts(folder)
+    assert parts["body"].score[1, 0] == 0 and parts["body"].score[1, 1] > 0 and parts["body"].observed.all()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "[]",
+        "7",
+        '{"people": 7}',
+        '{"people": ["a"]}',
+        "{",
+        '{"people": [{"pose_keypoints_2d": [1, 2]}]}',
+        '{"people": [{"pose_keypoints_2d": {"a": 1}}]}',
+        '{"people": [{"pose_keypoints_2d": ["a"]}]}',
+    ],
+)
+def test_what_is_no_file_of_openpose_is_one_line(tmp_path, content):
+    folder = write_openpose(tmp_path / "json", 3)
+    (folder / f"film_{1:012d}_keypoints.json").write_text(content)
+    with pytest.raises(CospeechError, match="film_000000000001_keypoints") as error:
+        read_parts(folder)
+    assert "\n" not in str(error.value)
+
+
+def test_a_film_of_varying_rate_shows_each_file_at_its_own_time(tmp_path):
+    """File k is of picture k: 30 a second at first, then 15."""
+    times = np.concatenate([np.arange(60) / 30, 2 + np.arange(60) / 15])
+    film = open_film(write_film(tmp_path / "film.mp4", textured(1, 120), times=times))
+    folder = renamed(write_openpose(tmp_path / "json", 120), NAMES["film's"])
+    track = run_trackers(film, PrecomputedTracker(folder))
+    seen = track.body.observed
+    shown = times[np.round(at(track.body, "nose")[:, 0]).astype(int)]
+    clock = np.arange(track.frames) / track.fps
+    apart = np.abs(shown - clock)[seen & (clock < times[-1])]
+    nearest = np.abs(times[:, None] - clock).min(axis=0)[seen & (clock < times[-1])]
+    np.testing.assert_allclose(apart, nearest, atol=1e-4)
+    late = run_trackers(open_film(film.path, 3.0, 4.0), PrecomputedTracker(folder))
+    assert abs(times[round(float(at(late.body, "nose")[0, 0]))] - 3.0) <= 1 / 30
+
+
 def test_a_take_of_a_longer_film_takes_its_frames(tmp_path):
     path = write_film(tmp_path / "film.mp4", textured(1, 50), fps=50)
     folder = write_openpose(tmp_path / "json", 50)
@@ -88,6 +186,11 @@ def test_the_published_49_and_52_points(tmp_path, film):
     ):  # fmt: skip
         np.testing.assert_allclose(at(parts[part], name)[:, 0], number + np.arange(12), err_msg=name)
     assert parts["body"].score[:, parts["body"].table.index["nose"]].max() == 0  # not among the 49
+    for lost in (4, 5):
+        (folder / f"{lost:05d}.txt").unlink()
+    gaps, _ = read_parts(folder)
+    np.testing.assert_array_equal(np.flatnonzero(~gaps["body"].observed), [4, 5])
+    np.testing.assert_allclose(at(gaps["body"], "neck")[6:, 0], np.arange(6, 12))
     np.savez(tmp_path / "clip.npz", pose=np.stack([np.stack([x, x])] * 12), audio=np.zeros(9))
     same, _ = read_parts(tmp_path / "clip.npz")
     np.testing.assert_allclose(at(same["right_hand"], "little_3"), 48)

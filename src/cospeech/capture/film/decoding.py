@@ -14,6 +14,7 @@ from cospeech.errors import CospeechError, notice
 FASTEST = 30.5  # Hz; faster films are tracked at every second, fourth... picture: twice the clip's 15 Hz is plenty
 TRACKED_SIZE = 1280  # pixels of the longer side that trackers see: their networks take crops of 256 or so
 END_TOLERANCE = 0.1  # seconds that a take may end after its film: rounding in somebody's cut list
+FASTEST_FILM = 240.0  # Hz; a header that says more is measured: live recordings (webm) name their clock instead
 BREAK = 0.5  # seconds without a picture at the end, after which a file counts as broken off
 PREFETCH = 8  # pictures decoded ahead of the tracker
 
@@ -50,6 +51,12 @@ class Film:
         with closing(ahead(_resampled(self, self.size(longest)), PREFETCH)) as pictures:
             yield from pictures
 
+    def picture_times(self):
+        """(N,) seconds at which each picture of the whole file is shown, in order; its rate may vary."""
+        with _opened(self.path) as (container, stream):
+            times = _packet_times(container, stream)
+            return times - float((stream.start_time or 0) * stream.time_base)
+
 
 @dataclass
 class Picture:
@@ -73,7 +80,7 @@ def open_film(path, start=0.0, end=None, fps=None):
         first = next(_decoded(container, stream, path, quiet=True), None)
         if first is None:
             raise CospeechError(f"{path}: no picture in it can be decoded (truncated, or damaged)")
-        rate = _rate(stream)
+        rate = _rate(container, stream, path)
         width, height = _square_pixels(first, stream)
         duration = _duration(container, stream, rate)
     turns = round(first.rotation / 90) % 4
@@ -92,10 +99,32 @@ def _halved(rate):
     return rate
 
 
-def _rate(stream):
-    """Frames per second: the average, or what the container suggests where that is missing or absurd."""
-    rates = (stream.average_rate, stream.guessed_rate, stream.base_rate)
+def _rate(container, stream, path):
+    """Frames per second: the average, or where that is missing, absurd or of a file that knows no length (recorded
+    live), what the pictures' own times say, or what the container suggests."""
+    ended = stream.duration or container.duration
+    if ended and stream.average_rate and 1 <= stream.average_rate <= FASTEST_FILM:
+        return float(stream.average_rate)
+    with _opened(path) as (container, packets):
+        times = _packet_times(container, packets)
+    measured = (len(times) - 1) / np.ptp(times) if len(times) > 1 and np.ptp(times) else None
+    rates = (measured, stream.average_rate, stream.guessed_rate, stream.base_rate)
     return next((float(rate) for rate in rates if rate and 1 <= rate <= 1000), 25.0)
+
+
+def _packet_times(container, stream):
+    """(N,) seconds on the container's clock of the stream's pictures, in order; nothing is decoded."""
+    import av
+
+    stamps = []
+    try:
+        for packet in container.demux(stream):
+            stamp = packet.dts if packet.pts is None else packet.pts
+            if stamp is not None and packet.size and not packet.is_discard:
+                stamps.append(stamp)
+    except av.error.FFmpegError:  # the container breaks off
+        pass
+    return np.sort(stamps) * float(stream.time_base) if stamps else np.zeros(0)
 
 
 def _square_pixels(frame, stream):
@@ -110,8 +139,8 @@ def _duration(container, stream, rate):
     if container.duration:
         return container.duration / 1e6 - max(0.0, float((stream.start_time or 0) * stream.time_base))
     container.seek(0)
-    times = [packet.pts for packet in container.demux(stream) if packet.pts is not None]
-    return float((max(times) - min(times)) * stream.time_base) + 1 / rate if times else 0.0
+    times = _packet_times(container, stream)
+    return float(np.ptp(times)) + 1 / rate if len(times) else 0.0
 
 
 @contextmanager

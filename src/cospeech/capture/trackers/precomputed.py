@@ -1,6 +1,7 @@
 """The tracker `tracks`: what another program saw, read from its files. Arrays only: nothing is ever unpickled."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ OPENPOSE = {  # part: (key of the JSON file, skeleton)
     "face_landmarks": ("face_keypoints_2d", "openpose_face70"),
 }
 PUBLISHED_RATE = 15.0  # Hz, of the published 2D key points and of the published 3D annotation
+MOST_FRAMES = 2_000_000  # 18 hours at 30 Hz; greater numbers in names are dates and the like
 # Ginosar et al.'s 49 key points: neck, arms, then each hand's root and 20 points of its fingers, the left hand first
 ARMS49 = ("neck", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow", "left_wrist")
 LEFT49, RIGHT49 = slice(7, 28), slice(28, 49)
@@ -50,10 +52,13 @@ class PrecomputedTracker:
         count = sum(1 for _ in pictures)
         times = film.start + np.arange(count) / film.fps
         if self._own is not None:
-            return _at(self._own.parts | {"face": self._own.face}, times - self._own.start, self._own.fps)
+            parts, frames = self._own.parts | {"face": self._own.face}, (times - self._own.start) * self._own.fps
+            return _at(parts, np.round(frames).astype(int))
         parts, rate = read_parts(self.path, film, self.body_model)
-        # the published formats and SMPL-X files hold the take alone, OpenPose's folder the whole film
-        return _at(parts, times if rate is None else times - film.start, rate or film.rate)
+        if rate is None:  # OpenPose's folder holds the whole film, a file a picture
+            return _at(parts, _nearest(film.picture_times(), times))
+        # the published formats and SMPL-X files hold the take alone
+        return _at(parts, np.round((times - film.start) * rate).astype(int))
 
 
 def read_parts(path, film=None, body_model=None):
@@ -63,7 +68,9 @@ def read_parts(path, film=None, body_model=None):
         if files := sorted(path.glob("*_keypoints.json")):
             return _openpose(files), None
         if files := sorted(path.glob("*.txt")):
-            return _points49(np.stack([_text(file) for file in files])), PUBLISHED_RATE
+            tables = np.stack([_text(file) for file in files])
+            numbered = all(file.stem.isdecimal() for file in files)
+            return _spread(_points49(tables), _since_first(files) if numbered else None), PUBLISHED_RATE
         raise CospeechError(f"{path}: neither *_keypoints.json (OpenPose) nor *.txt (published key points) in it")
     arrays = load_arrays(path)
     if is_smplx(arrays):
@@ -129,16 +136,49 @@ def _in_space(skeleton, xyz, space, root):
     )  # fmt: skip
 
 
-def _at(parts, times, rate):
-    """The parts at these seconds since their first frame: the nearest frame; not observed before and after."""
+def _nearest(sorted_times, times):
+    """(F,) index of the one of `sorted_times` (N,) that is nearest to each of `times` (F,)."""
+    return np.searchsorted((sorted_times[1:] + sorted_times[:-1]) / 2, times, side="right")
+
+
+def _spread(parts, numbers):
+    """The parts with frame i at frame numbers[i]; what lies between was not seen."""
+    if numbers is None or np.array_equal(numbers, np.arange(len(numbers))):
+        return parts
+    place = np.full(numbers.max() + 1, -1)
+    place[numbers] = np.arange(len(numbers))
+    return _at(parts, place)
+
+
+def _since_first(files):
+    numbers = np.array([int(file.stem) for file in files])
+    return _checked_numbers(files, numbers - numbers.min())
+
+
+def _checked_numbers(files, numbers):
+    """`numbers` (F,) of the files' frames; None, with a notice, if they are too large to be frames; CospeechError for
+    two that are alike."""
+    order = np.argsort(numbers, kind="stable")
+    if len(twice := np.flatnonzero(np.diff(numbers[order]) == 0)):
+        first, second = (files[order[twice[0] + i]].name for i in (0, 1))
+        raise CospeechError(f"{files[0].parent}: {first} and {second} are both of frame {numbers[order[twice[0]]]}")
+    if numbers.max() > MOST_FRAMES:
+        notice(
+            f"{files[0].parent}: the numbers in its files' names are no frames' ({files[-1].name}); files are counted"
+        )
+        return None
+    return numbers
+
+
+def _at(parts, frame):
+    """The parts at these frames (F,) of theirs; not observed before the first and after the last."""
     found = {}
     for part, points in parts.items():
         if points is None:
             continue
-        frame = np.round(times * rate).astype(int)
         inside = (frame >= 0) & (frame < len(points.score))
-        frame = np.clip(frame, 0, len(points.score) - 1)
-        taken = {k: v[frame].copy() if isinstance(v, np.ndarray) else v for k, v in vars(points).items()}
+        kept = np.clip(frame, 0, len(points.score) - 1)
+        taken = {k: v[kept].copy() if isinstance(v, np.ndarray) else v for k, v in vars(points).items()}
         for array in taken.values():
             if isinstance(array, np.ndarray):
                 array[~inside] = 0
@@ -147,28 +187,60 @@ def _at(parts, times, rate):
 
 
 def _openpose(files):
-    """{part: Points} of OpenPose's files, a file a frame. Of several people the largest is taken."""
-    people = [_largest(_json(file)) for file in files]
+    """{part: Points} of OpenPose's files, each of the frame whose number its name has. Of several people the largest is
+    taken; a frame without a file, or without people, is not observed."""
+    people = [_largest(file, _people(file)) for file in files]
     parts = {}
     for part, (key, skeleton) in OPENPOSE.items():
         count = len(Skeleton.load(skeleton))
-        rows = [np.array(person.get(key) or np.zeros(count * 3), np.float32) for person in people]
-        if wrong := next((f for f, row in zip(files, rows, strict=True) if row.size != 3 * count), None):
-            raise CospeechError(f"{wrong}: {key} does not hold {count} points of x, y and score")
-        parts[part] = _flat(skeleton, np.stack(rows).reshape(len(files), count, 3))
-    return parts
+        rows = [_numbers(file, person, key, count) for file, person in zip(files, people, strict=True)]
+        parts[part] = _flat(skeleton, np.stack(rows))
+    return _spread(parts, _frame_numbers(files))
 
 
-def _json(file):
+def _frame_numbers(files):
+    """(F,) the number before "_keypoints" in each name, or None where a name has none. OpenPose writes 12 digits, from
+    0, for a film; pictures of one's own may be numbered from 1."""
+    texts = [re.search(r"(\d+)\D*$", file.name.removesuffix("_keypoints.json")) for file in files]
+    if not all(texts):
+        return None
+    numbers = np.array([int(text[1][-18:]) for text in texts])
+    if numbers.min() == 1 and any(len(text[1]) != 12 for text in texts):
+        notice(
+            f"{files[0].parent}: its files are numbered from 1; {files[0].name} is taken as the film's first picture"
+        )
+        numbers = numbers - 1
+    return _checked_numbers(files, numbers)
+
+
+def _people(file):
+    """The people of one file: dicts; none where the list is null or absent."""
     try:
-        return json.loads(file.read_text(encoding="utf-8"))["people"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
         raise CospeechError(f"{file}: not a key point file of OpenPose") from error
+    people = content.get("people") or [] if isinstance(content, dict) else None
+    if not isinstance(people, list) or not all(isinstance(person, dict | None) for person in people):
+        raise CospeechError(f"{file}: not a key point file of OpenPose (people: a list of objects)")
+    return [person for person in people if person]
 
 
-def _largest(people):
+def _numbers(file, person, key, count):
+    """(count, 3) x, y and score of one part of a person; zero where it is null, empty or absent."""
+    try:
+        row = np.array(person.get(key) or np.zeros(3 * count), np.float64)
+    except (TypeError, ValueError) as error:
+        raise CospeechError(f"{file}: {key} holds something else than numbers") from error
+    if row.shape != (3 * count,):
+        raise CospeechError(f"{file}: {key} does not hold {count} points of x, y and score")
+    return row.reshape(count, 3)
+
+
+def _largest(file, people):
+    key, skeleton = OPENPOSE["body"]
+
     def height(person):
-        points = np.array(person.get("pose_keypoints_2d") or [0, 0, 0], float).reshape(-1, 3)
+        points = np.nan_to_num(_numbers(file, person, key, len(Skeleton.load(skeleton))))
         seen = points[points[:, 2] > 0.1]
         return np.ptp(seen[:, 1]) if len(seen) else 0.0
 
