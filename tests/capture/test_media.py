@@ -3,6 +3,7 @@
 import hashlib
 import http.server
 import threading
+import warnings
 
 import numpy as np
 import pytest
@@ -51,8 +52,37 @@ def test_our_own_list(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "video, id, start, end, part\ntalk.mp4, monday, 0.5, 2.5, test\n",
+        " video ,id ,\tstart, end,part\n talk.mp4 ,monday , 0.5,2.5 , test \n",
+        '"video", "ID", "start", "end", "part"\r\n"talk.mp4", "monday", 0.5, 2.5, "test"\r\n',
+        "\ufeffVideo,Id,Start,End,Part\n\ntalk.mp4,monday,0.5,2.5,Test\n\n",
+    ],
+)
+def test_blanks_around_commas_drop_nothing(tmp_path, text):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        takes = read_takes(write(tmp_path / "takes.csv", text), speaker=None)
+    assert takes == [{"id": "monday", "video": "talk.mp4", "start": 0.5, "end": 2.5, "part": "test"}]
+
+
+def test_unknown_columns_are_named(tmp_path):
+    path = write(tmp_path / "takes.csv", "video,begin,id,ende\na.mp4,1,x,2\n")
+    with pytest.warns(CospeechNotice, match=r"columns that mean nothing here: begin, ende; known: .*start"):
+        assert read_takes(path) == [{"id": "x", "video": "a.mp4"}]
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("video;id;start\na.mp4;x;0,5\n", ["semicolons", "commas"]),
+        ("video\tid\na.mp4\tx\n", ["tabs", "commas"]),
+        ("video,id\na.mp4,x, y\n", ["line 2", "3 cells", "quotes"]),
+        ("video,id,ID\na.mp4,x,y\n", ["'id'", "twice"]),
+        ("video,id\n\n\na.mp4,x\n,y\n", ["line 5", "no video"]),
+        ("video,id\nä.mp4,x\n".encode("latin-1"), ["line 2", "UTF-8"]),
+        ('video,id\na.mp4,"x\n', ["not a CSV"]),
         ("film,start\na.mp4,1\n", ["line 2", "video"]),
         ("video,start,end\na.mp4,5,4\n", ["line 2", "ends at 4"]),
         ("video,start\na.mp4,soon\n", ["line 2", "soon", "time"]),
@@ -62,7 +92,8 @@ def test_our_own_list(tmp_path):
     ],
 )
 def test_mistakes_in_a_list_name_the_line(tmp_path, text, words):
-    path = write(tmp_path / "takes.csv", text)
+    path = tmp_path / "takes.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(CospeechError) as error:
         read_takes(path, "jon" if "jon" in words else None)
     assert all(word in str(error.value) for word in words) and str(error.value).startswith(str(path))

@@ -1,6 +1,7 @@
 """Getting video: lists of takes (CSV), films from addresses, and the sound that goes with a take."""
 
 import csv
+import io
 import re
 from pathlib import Path
 
@@ -42,27 +43,54 @@ def read_takes(path, speaker=None, videos=None):
     in `video_fn` is used instead of its address.
     """
     path = Path(path)
-    try:
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except OSError as error:
-        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise CospeechError(f"{path}: not a CSV file ({error})") from error
-    takes = [_take(row, f"{path}: line {line}", videos) for line, row in enumerate(rows, 2) if _of(row, speaker)]
+    takes = [_take(row, f"{path}: line {line}", videos) for line, row in _rows(path) if _of(row, speaker)]
     if not takes:
         named = f" of speaker {speaker!r}" if speaker else ""
         raise CospeechError(f"{path}: no take{named} in it; its header needs a column 'video' or 'video_link'")
     return _with_own_names(takes)
 
 
+def _rows(path):
+    """[(line, {column: text without blanks around it})] of a CSV file; a notice names columns that nobody knows."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise CospeechError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise CospeechError(f"{path}: not a CSV file in UTF-8 (line {line}); save it as UTF-8") from error
+    head = next((line for line in text.splitlines() if line.strip()), "")
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if mark in head and "," not in head:
+            raise CospeechError(f"{path}: its columns are parted by {name}; save it with commas between them")
+    try:
+        reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
+        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise CospeechError(f"{path}: not a CSV file ({error})") from error
+    if not rows:
+        return []
+    columns = [column.lower() for column in rows[0][1]]
+    known = {"video_fn", *(name for names in COLUMNS.values() for name in names)}
+    if unknown := [column for column in columns if column and column not in known]:
+        notice(f"{path}: columns that mean nothing here: {', '.join(unknown)}; known: {', '.join(sorted(known))}")
+    if twice := [column for column in columns if column and columns.count(column) > 1]:
+        raise CospeechError(f"{path}: column {twice[0]!r} is there twice")
+    for line, row in rows[1:]:
+        if any(row[len(columns) :]):
+            raise CospeechError(
+                f"{path}: line {line} has {len(row)} cells, the heading {len(columns)}; put text with commas in quotes"
+            )
+    return [(line, dict(zip(columns, row, strict=False))) for line, row in rows[1:]]
+
+
 def _of(row, speaker):
-    return speaker is None or (row.get("speaker") or "") == speaker
+    return speaker is None or row.get("speaker", "") == speaker
 
 
 def _take(row, where, videos):
     def value(key):
-        return next((text.strip() for name in COLUMNS[key] if (text := row.get(name)) and text.strip()), "")
+        return next((text for name in COLUMNS[key] if (text := row.get(name))), "")
 
     video = value("video")
     local = Path(videos or "") / Path(row.get("video_fn") or "").name
