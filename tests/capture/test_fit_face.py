@@ -79,6 +79,24 @@ def test_missing_frames_are_bridged_and_marked(face):
     assert face.degrees(fit)[60:68].max() < 3.0 and face.correlation(fit, slice(50, 80)) > 0.8
 
 
+@pytest.mark.parametrize("how", ["metric", "scaled", "pixels"])
+def test_cuts_long_gaps_and_frames_of_few_landmarks_are_no_end(how):
+    """A face that is lost for more than a chunk of frames, with a cut in it, or seen by one landmark, or of no size."""
+    face = Face(seconds=20.0)
+    score = np.ones(face.points.shape[:2])
+    score[200:] = 0
+    score[50, 1:] = 0  # one landmark
+    points = face.pixels.copy() if how == "pixels" else face.points.copy()
+    points[60] = points[60, :1]  # a face of no size
+    options = {"camera": CAMERA} if how == "pixels" else {"metric": how == "metric"}
+    fit = fit_landmarks(points, score, fps=FPS, cuts=np.array([82, 300]), **options)
+    lost = np.r_[50, 60, 200 : len(points)]
+    assert (fit.score[lost] == 0).all() and (np.delete(fit.score, lost) > 0).all()
+    assert all(np.isfinite(value).all() for value in vars(fit).values())
+    assert np.delete(face.degrees(fit)[:200], [50, 60, 80, 81, 82, 83]).max() < 4.0
+    assert (fit.rotation[560:] == fit.rotation[560]).all()  # where it was seen last
+
+
 def test_a_landmark_far_off_is_no_match_for_the_others(face):
     points = face.points.copy()
     points[:, 54] += [0.05, 0.0, 0.0]  # the left corner of the mouth

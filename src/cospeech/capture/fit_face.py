@@ -22,6 +22,7 @@ from cospeech.files import read_yaml
 IDENTITY_FRAMES = 12, 48  # from the fourth part of a take's frames, spread over it, but so many, the identity is found
 INDEPENDENT = 4.0  # as how many they count: how a model fails to fit a face is the same in all of them
 SIZE = 0.02  # standard deviation of the face's size where it cannot be seen
+LEAST_LANDMARKS = 6  # of a frame that tells a pose, size and some expression
 CHUNK, OVERLAP = 256, 16  # frames that are solved together, and by how many neighbouring chunks overlap
 MOVABLE = 2e-4  # metres by which an expression must move some landmark to be fitted at all
 
@@ -73,7 +74,8 @@ def fit_landmarks(
 
     points : (F, L, 2) pixels seen by `camera` (fx, fy, cx, cy), or (F, L, 3) in the camera's axes (x right, y down, z
     away), in metres if `metric` and in any one unit if not. L = 68 (iBUG), or 70 with the irises (right, left).
-    score (F, L) : confidence; a landmark of score 0 is not there, a frame without any is bridged by its neighbours.
+    score (F, L) : confidence; a landmark of score 0 is not there, a frame with fewer than LEAST_LANDMARKS, or with all
+    of them in one place, is bridged by its neighbours.
     cuts : first frames of new shots. Raises CospeechError for shapes that do not fit the model.
     """
     model, settings = model or embedded(), settings or FitSettings()
@@ -81,6 +83,7 @@ def fit_landmarks(
     score = np.ones(points.shape[:2]) if score is None else np.asarray(score, float)
     vertices = _checked(points, score, camera, model, name)
     basis, active = _basis(model, vertices)
+    score = score * _posed(points, score * (vertices >= 0))[:, None]
     marks, sigma = _landmarks(points, score * (vertices >= 0), fps, camera, metric, cuts, basis, settings)
     prior, smoothness = _priors(basis, marks, sigma, fps, settings)
     state = solver.start(basis, marks, _fit_identity(basis, marks, prior, settings))
@@ -154,6 +157,14 @@ def _checked(points, score, camera, model, name):
         )
     irises = model.irises if len(model.irises) == 2 else np.array([-1, -1])
     return np.concatenate([model.landmarks, irises])[:count]
+
+
+def _posed(points, score):
+    """(F,) frames whose landmarks can tell a pose: enough of them, and not all in one place."""
+    there = score > 0
+    low, high = (np.where(there[..., None], points, sign * np.inf) for sign in (1, -1))
+    extent = (high.max(axis=1, initial=-np.inf) - low.min(axis=1, initial=np.inf)).max(axis=1)
+    return (there.sum(axis=1) >= LEAST_LANDMARKS) & (extent > 1e-6)
 
 
 def _basis(model, vertices):
@@ -239,6 +250,8 @@ def _fit_frames(basis, marks, state, prior, smoothness, settings):
     for first in range(0, len(marks), CHUNK):
         where = slice(max(0, first - OVERLAP), min(len(marks), first + CHUNK + OVERLAP))
         some, own = marks.section(where), state.section(where)
+        if not some.weights.any():  # nothing to solve by; the head stays where it was seen last
+            continue
         for _ in range(settings.iterations):
             matrix, gradient, *_ = solver.normal_equations(basis, some, own, prior, settings.robust, identity=False)
             change = solver.differences(own, len(prior))
