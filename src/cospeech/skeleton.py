@@ -161,7 +161,11 @@ class Build:
 
     @classmethod
     def of(cls, description):
-        """From what `lists` made, among other entries of a network's description."""
+        """From what `lists` made, among other entries of a network's description; CospeechError where that is older."""
+        if "palms" not in description:
+            raise CospeechError(
+                f"{description.get('model')}: its file does not know the speaker's build; train it again"
+            )
         return cls(*(np.array(description[name], np.float32) for name in ("bone_lengths", "palms")))
 
     def lists(self):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError, CospeechNotice
-from cospeech.evaluation.baselines import BASELINES
+from cospeech.evaluation.baseline_rows import BASELINES
 from cospeech.evaluation.columns import METRICS
 from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
 from cospeech.evaluation.metrics.gesture_metrics import low_pass
 from cospeech.evaluation.metrics.synchrony import SpeechToSpeed
 from cospeech.evaluation.reference import Reference
 from cospeech.evaluation.result import Evaluation
-from cospeech.evaluation.take import Take
+from cospeech.evaluation.takes import Take
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.baselines import HA2G_BASELINES
+from cospeech.evaluation.baseline_rows import HA2G_BASELINES
 from cospeech.evaluation.evaluate import evaluate_baselines, evaluate_model
 from cospeech.evaluation.ha2g_tables import TABLE_1, write_ha2g
 from cospeech.evaluation.metrics import gesture_metrics

@@ -9,7 +9,7 @@ with job():
     from sections import sections
 
     from cospeech.clip import Clip
-    from cospeech.evaluation.baselines import BASELINES
+    from cospeech.evaluation.baseline_rows import BASELINES
     from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
     from cospeech.evaluation.metrics.fgd import FeatureNet
     from cospeech.evaluation.reference import Reference

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cospeech.evaluation import columns
-from cospeech.evaluation.baselines import BASELINES
+from cospeech.evaluation.baseline_rows import BASELINES
 from cospeech.evaluation.columns import csv_headings
 from cospeech.evaluation.evaluate import evaluate_baseline, evaluate_model
 from cospeech.evaluation.generated import generate_clips

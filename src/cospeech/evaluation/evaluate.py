@@ -3,7 +3,7 @@
 Every row goes through the same low-pass, the same pieces of time and the same reference, so rows can be compared.
 """
 
-from cospeech.evaluation.baselines import HA2G_BASELINES, MISMATCHED, baseline_takes, ways_to_mismatch
+from cospeech.evaluation.baseline_rows import HA2G_BASELINES, MISMATCHED, baseline_takes, ways_to_mismatch
 from cospeech.evaluation.result import Evaluation
 
 
@@ -19,7 +19,7 @@ def evaluate_model(row, clips, reference, run=None):
 
 
 def evaluate_baseline(row, reference, run=0):
-    """Judge one of the rows of `baselines.baseline_takes`; run : the way to mismatch, 0 for the first."""
+    """Judge one of the rows of `baseline_rows.baseline_takes`; run : the way to mismatch, 0 for the first."""
     return _evaluate(row, baseline_takes(row, reference, max(run, 1)), reference, run)
 
 

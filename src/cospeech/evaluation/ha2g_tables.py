@@ -13,8 +13,8 @@ COLUMNS = {"ha2g_table_1": TABLE_1, "ha2g_table_3": ABLATION, "ha2g_table_4": AB
 
 
 def write_ha2g(path, evaluations, rows=None, columns=None):
-    """HA2G's Tables 1, 3 and 4 as CSV: a line for each row {name: label}, its number of runs, and two columns a metric.
+    """HA2G's Tables 1, 3 and 4 as CSV: a line for each row {name: label}, its number of runs, two columns a metric.
 
-    None: all rows, or all columns.
+    None: all rows, all metrics.
     """
     write_csv(path, evaluations, columns, rows, {"method": "row", "runs": "runs"}, partial(headings, unit=""))

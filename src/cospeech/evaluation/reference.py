@@ -7,7 +7,7 @@ import numpy as np
 from cospeech.errors import CospeechError, notice
 from cospeech.evaluation.metrics.fgd import OURS, FeatureNet
 from cospeech.evaluation.metrics.summary import SummaryMetrics
-from cospeech.evaluation.take import Take
+from cospeech.evaluation.takes import Take
 
 
 @dataclass
@@ -62,12 +62,10 @@ class Reference:
             )
         nets = {OURS: nets} if isinstance(nets, FeatureNet) else nets
         test = [piece for take in takes.values() for piece in take.pieces()]
-        return cls(
-            subject or train[0].subject, takes, nets,
-            {name: (latents(net, test), latents(net, pieces)) for name, net in nets.items()},
-            {one: _mean_pose([p for p in pieces if p.speaker == one] or pieces) for one in speakers(takes.values())},
-            metrics.fit(pieces, fps, threshold), fps, sigma, seed,
-        )  # fmt: skip
+        compared = {name: (latents(net, test), latents(net, pieces)) for name, net in nets.items()}
+        poses = {one: _mean_pose([p for p in pieces if p.speaker == one] or pieces) for one in speakers(takes.values())}
+        fitted = metrics.fit(pieces, fps, threshold)
+        return cls(subject or train[0].subject, takes, nets, compared, poses, fitted, fps, sigma, seed)
 
     def under_speech(self, row, clips):
         """{clip id: Clip} that a model made for the test clips -> {clip id: Take} under the test clips' speech.

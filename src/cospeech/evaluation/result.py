@@ -38,8 +38,8 @@ class Evaluation:
         """From {metric: (mean, deviation)}; `values` None: no metric is one of single clips."""
         mean, deviation = np.array(list(found.values()), float).reshape(-1, 2).T.copy()
         values = np.full((len(clips), len(found)), np.nan) if values is None else values
-        return cls(subject, row, seed, list(clips), np.array(frames, int), values, mean, deviation, attributes or {},
-                   tuple(found))  # fmt: skip
+        head = subject, row, seed, list(clips), np.array(frames, int)
+        return cls(*head, values, mean, deviation, attributes or {}, tuple(found))
 
     @property
     def found(self):

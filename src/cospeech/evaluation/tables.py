@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.baselines import BASELINES
+from cospeech.evaluation.baseline_rows import BASELINES
 from cospeech.evaluation.columns import METRICS, csv_headings
 from cospeech.evaluation.result import read_many
 from cospeech.formats.result_table import mean_and_deviation, plus_minus, write_table

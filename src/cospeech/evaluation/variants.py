@@ -1,7 +1,7 @@
 """The variants of the search in thesis Table 5.4, judged by this project's metrics instead of by people."""
 
 from cospeech.evaluation import columns
-from cospeech.evaluation.baselines import BASELINES
+from cospeech.evaluation.baseline_rows import BASELINES
 from cospeech.evaluation.evaluate import evaluate_model
 from cospeech.evaluation.generated import generate_clips
 from cospeech.gestures.generator import MODELS, named

@@ -82,7 +82,7 @@ PRESETS = {
     "trimodal": Preset("ted10", 32, 0.2, **_HA2G),
     "trimodal_compat": Preset("ted10", 32, 1.0, **_HA2G),
     OURS: Preset(),
-}  # fmt: skip
+}
 
 
 def preset_of(name):

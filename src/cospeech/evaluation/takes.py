@@ -59,8 +59,8 @@ class Take:
         sound = None if sound is None else Sound(*sound)
         done = float(clip.extra.get("smoothing", 0.0))
         onsets = None if sound is None else sound.onsets
-        take = cls(clip.positions, clip.features, clip.valid, onsets, clip.fps, clip.rotation, None, sound,
-                   clip.subject, done).low_passed(sigma)  # fmt: skip
+        speech = clip.features, clip.valid, onsets, clip.fps
+        take = cls(clip.positions, *speech, clip.rotation, None, sound, clip.subject, done).low_passed(sigma)
         return replace(take, recorded=take.positions)
 
     def showing(self, positions, rotation=None, smoothing=None):
