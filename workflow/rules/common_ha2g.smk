@@ -1,6 +1,6 @@
 # The ensemble, the rows of its tables, and the input functions of their rules (ha2g.smk, ha2g_tables.smk).
 
-from cospeech.evaluation.baselines import HA2G_BASELINES
+from cospeech.evaluation.baseline_rows import HA2G_BASELINES
 from cospeech.evaluation.columns import NETS
 from cospeech.gestures.generator import VARIANTS
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
-from cospeech.evaluation.baselines import BASELINES
+from cospeech.evaluation.baseline_rows import BASELINES
 from cospeech.evaluation.columns import METRICS
 from cospeech.evaluation.tables import cell
 from cospeech.evaluation.variants import LABELS

@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from cospeech.errors import CospeechError
-from cospeech.evaluation.baselines import BASELINES
+from cospeech.evaluation.baseline_rows import BASELINES
 from cospeech.formats.result_table import ABSENT, plus_minus
 from cospeech.render.chart import line_chart
 
