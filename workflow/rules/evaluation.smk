@@ -1,4 +1,5 @@
-# How good: every model and three baselines against the test part: results/<subject>/evaluation/, results/summary.csv.
+# How good: every model and three baselines against the test part: results/<subject>/evaluation/, results/summary.csv,
+# results/tables/motion.csv.
 
 
 rule train_feature_net:
@@ -74,8 +75,55 @@ rule summarize:
         "../scripts/summarize.py"
 
 
-# Target: the table of every subject and row.
+rule measure_motion:
+    input:
+        split="<results>/{subject}/split.h5",
+        clips=clips_of("train"),
+        audio=lambda w: synthesized(w.subject, "ground_truth", "wav"),
+        ground_truth=lambda w: synthesized(w.subject, "ground_truth"),
+        models=lambda w: [clip for model in MODELS for clip in synthesized(w.subject, model)],
+    output:
+        motion="<results>/{subject}/evaluation/motion.h5",
+    log:
+        "<logs>/measure_motion/{subject}.log",
+    benchmark:
+        "<benchmarks>/measure_motion/{subject}.tsv"
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        rows=ROWS,
+        code=library_code("motion.py"),
+    script:
+        "../scripts/motion.py"
+
+
+rule motion_table:
+    input:
+        shown=[f"<results>/{subject}/evaluation/motion.h5" for subject in SUBJECTS],
+        judged=[f"<results>/{subject}/evaluation/{row}.h5" for subject in SUBJECTS for row in ROWS],
+    output:
+        csv=report("<results>/tables/motion.csv", caption="../report/motion.rst", category="Evaluation"),
+    log:
+        "<logs>/motion_table.log",
+    benchmark:
+        "<benchmarks>/motion_table.tsv"
+    conda:
+        "../../envs/cospeech.yaml"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        code=library_code("motion_table.py"),
+    script:
+        "../scripts/motion_table.py"
+
+
+# Target: the tables of every subject and row.
 rule evaluation:
     input:
         "<results>/evaluation.h5",
         "<results>/summary.csv",
+        "<results>/tables/motion.csv",

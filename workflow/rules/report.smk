@@ -3,7 +3,7 @@
 # The tables that every run makes and the report shows. A new one is one line here, and four under its file's name in
 # ../report/tables.yaml: its title, what it means, and whether it is drawn as curves. Their order there is the page's.
 # Tables of a target of their own need no line: the next report shows what lies in results/tables/.
-TABLES = ["<results>/tables/table_4_3.csv", *FILM_TABLES, *TAKE_TABLES]
+TABLES = ["<results>/tables/motion.csv", "<results>/tables/table_4_3.csv", *FILM_TABLES, *TAKE_TABLES]
 OWN_SECTION = ("table_5_3", "table_5_4")  # which the report makes from the files behind them
 FOUND = sorted(Path(config["results_dir"], "tables").glob("*.csv"))
 MADE = [f"<results>/tables/{table.name}" for table in FOUND if table.stem not in OWN_SECTION]

@@ -148,6 +148,40 @@ JUDGED_IN_SYNC = _metric(
     heading="judged in sync",
 )
 
+# ---- of motion as it is shown: results/tables/motion.csv ------------------------------------------------------------
+
+BONE = _metric(
+    "bone_mm", "Bones", "mm", LOWER, "Largest difference of any bone's length from the speaker's in the training part."
+)
+HAND_ROOT = _metric(
+    "hand_root_mm",
+    "Hands off wrists",
+    "mm",
+    LOWER,
+    "Largest distance of a hand's root from its wrist beyond the usual.",
+)
+HIP = _metric(
+    "hip_mm", "Hips", "mm", LOWER, "Largest distance of a hip from its mean place, beyond that of the training part."
+)
+BORDER_STEP_RATIO = _metric(
+    "border_step_ratio", "Steps at borders", "", TRUTH, "Mean step into a window from elsewhere, over all others."
+)
+FROZEN_FRAMES = _metric(
+    "frozen_frames", "Frozen frames", "", LOWER, "Frames equal to the frame before, where the recorded ones are not."
+)
+WRIST_SPEED_P50 = _metric("wrist_speed_p50", "Wrist speed, median", "m/s", TRUTH, "Median speed of both wrists.")
+WRIST_SPEED_P95 = _metric(
+    "wrist_speed_p95", "Wrist speed, 95th percentile", "m/s", TRUTH, "95th percentile of both wrists' speeds."
+)
+STROKE_LAG = _metric(
+    "stroke_lag_s",
+    "Stroke lag",
+    "s",
+    LOWER,
+    "Median time from a wrist's fastest moment to the nearest onset among the louder half.",
+)
+SHOWN = (BONE, HAND_ROOT, HIP, BORDER_STEP_RATIO, FROZEN_FRAMES, WRIST_SPEED_P50, WRIST_SPEED_P95, JERK)
+
 # ---- of HA2G's tables (docs/ha2g_metrics.md): by feature network, and by how motion beats are found ------------------
 
 NETS = {
@@ -158,7 +192,7 @@ NETS = {
 }
 
 
-def _by_net(names, label, better, about):
+def _by_net(names, label, about, better=LOWER):
     """{net: name} of one metric by each of `NETS`."""
     pairs = zip(NETS, names, strict=True)
     return {net: _metric(name, f"{label} ({NETS[net]})", "", better, about) for net, name in pairs}
@@ -167,20 +201,18 @@ def _by_net(names, label, better, about):
 FGD_BY_NET = _by_net(
     ("fgd_expressive", "fgd_expressive_compat", "fgd_trimodal", "fgd_trimodal_compat"),
     "FGD to test truth",
-    LOWER,
     "Fréchet distance of the latents of all 34-frame windows, 10 frames apart, to those of the recordings.",
 )
 FGD_TRAIN_BY_NET = _by_net(
     ("fgd_train_expressive", "fgd_train_expressive_compat", "fgd_train_trimodal", "fgd_train_trimodal_compat"),
     "FGD to training part",
-    LOWER,
     "The same to the training part: the recordings' own is the noise floor.",
 )
 DIVERSITY_BY_NET = _by_net(
     ("diversity_expressive", "diversity_expressive_compat", "diversity_trimodal", "diversity_trimodal_compat"),
     "Diversity",
-    TRUTH,
     "Mean distance of 500 random pairs of windows, as sums of absolute differences.",
+    TRUTH,
 )
 DIVERSITY_BATCHES_BY_NET = _by_net(
     (
@@ -190,8 +222,8 @@ DIVERSITY_BATCHES_BY_NET = _by_net(
         "diversity_batches_trimodal_compat",
     ),
     "Diversity of batches",
-    TRUTH,
     "Diversity as released code draws it, for comparison with its figures alone.",
+    TRUTH,
 )
 WINDOWS = _metric("windows", "Windows", "", TRUTH, "How many windows FGD and diversity are taken of.")
 
@@ -199,7 +231,7 @@ MEASURED, TED, EXPRESSIVE, LOW_PASSED = "measured", "TED", "Expressive", "low-pa
 BEATS = (MEASURED, TED, EXPRESSIVE, LOW_PASSED)  # by the measured threshold, by published ones, and of smoothed motion
 
 
-def _by_beats(names, label, unit, better, about):
+def _by_beats(names, label, about, unit="", better=HIGHER):
     """{way: name} of one metric by each of `BEATS`."""
     pairs = zip(BEATS, names, strict=True)
     return {
@@ -210,30 +242,24 @@ def _by_beats(names, label, unit, better, about):
 BC = _by_beats(
     ("bc", "bc_0.03", "bc_0.001", "bc_low_passed"),
     "BC",
-    "",
-    HIGHER,
     "Mean over all onsets of how close a motion beat is, 0 to 1; clips without a beat score 0.",
 )
 BC_WITHOUT_STILL = _by_beats(
     ("bc_without_still", "bc_without_still_0.03", "bc_without_still_0.001", "bc_without_still_low_passed"),
     "BC without still clips",
-    "",
-    HIGHER,
     "The same without the clips that have no beat.",
 )
 BC_EXCESS = _by_beats(
     ("bc_excess", "bc_excess_0.03", "bc_excess_0.001", "bc_excess_low_passed"),
     "BC over chance",
-    "",
-    HIGHER,
     "BC less what it is when the onsets are rotated in time: what timing adds.",
 )
 BC_BEAT_RATE = _by_beats(
     (BEAT_RATE, "beat_rate_0.03", "beat_rate_0.001", "beat_rate_low_passed"),
     "Motion beats",
+    "Motion beats a second.",
     "1/s",
     TRUTH,
-    "Motion beats a second.",
 )
 BC_RELEASED = _metric(
     "bc_compat", "BC as released", "", HIGHER, "BC of windows with onsets of their own; windows without a beat skipped."

@@ -1,12 +1,13 @@
 """What generated motion is compared with: the test part and the training part of one speaker, or of many."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cospeech.errors import CospeechError, notice
 from cospeech.evaluation.metrics.fgd import OURS, FeatureNet
 from cospeech.evaluation.metrics.summary import SummaryMetrics
+from cospeech.evaluation.metrics.wholeness import window_borders
 from cospeech.evaluation.takes import Take
 
 
@@ -43,7 +44,7 @@ class Reference:
         train : list of Clip, the training part: what is measured is fitted to it alone.
         nets : FeatureNet, or {name: FeatureNet}.
         audio : {clip id: (samples (N,), rate)} of the test clips; a clip without has no beat consistency.
-        metrics : SummaryMetrics, or HA2GMetrics.
+        metrics : SummaryMetrics, HA2GMetrics or MotionMetrics.
         sigma : low-pass in frames for every motion; threshold : of motion beats; None for the metrics' own.
         seed : of the pairs of diversity, and of shuffled frames. subject : None for the first speaker's name.
         """
@@ -85,7 +86,8 @@ class Reference:
                     f"{len(truth.positions)} at {truth.fps}; make it from the same audio"
                 )
             done = float(clip.extra.get("smoothing", 0.0))
-            takes[name] = truth.showing(clip.positions, clip.rotation, done).low_passed(self.sigma)
+            made = truth.showing(clip.positions, clip.rotation, done).low_passed(self.sigma)
+            takes[name] = replace(made, borders=window_borders(clip.frames, clip.trace, clip.fps))
         return takes
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from cospeech.evaluation.metrics.fgd import FRAMES
 from cospeech.evaluation.metrics.gesture_metrics import low_pass
+from cospeech.evaluation.metrics.wholeness import window_borders
 
 
 @dataclass
@@ -40,6 +41,7 @@ class Take:
 
     rotation : the head's, (T, 3) or None. recorded : (T, 55, 3), the motion that was recorded with this speech.
     sound : Sound or None. speaker : whose motion it is. smoothing : sigma in frames of what low-passed it.
+    borders : (T,) bool, see `wholeness.window_borders`.
     """
 
     positions: np.ndarray
@@ -52,6 +54,7 @@ class Take:
     sound: Sound | None = None
     speaker: str = ""
     smoothing: float = 0.0
+    borders: np.ndarray | None = None
 
     @classmethod
     def of(cls, clip, sigma=0.0, sound=None):
@@ -61,7 +64,7 @@ class Take:
         onsets = None if sound is None else sound.onsets
         speech = clip.features, clip.valid, onsets, clip.fps
         take = cls(clip.positions, *speech, clip.rotation, None, sound, clip.subject, done).low_passed(sigma)
-        return replace(take, recorded=take.positions)
+        return replace(take, recorded=take.positions, borders=window_borders(clip.frames))
 
     def showing(self, positions, rotation=None, smoothing=None):
         """Another motion under this speech."""
@@ -86,7 +89,7 @@ class Take:
         part = lambda x: None if x is None else x[start:stop]  # noqa: E731
         return replace(
             self, positions=part(self.positions), features=part(self.features), valid=part(self.valid), onsets=onsets,
-            rotation=part(self.rotation), recorded=part(self.recorded),
+            rotation=part(self.rotation), recorded=part(self.recorded), borders=part(self.borders),
             sound=None if self.sound is None else self.sound.cut(start, stop, self.fps),
         )  # fmt: skip
 
