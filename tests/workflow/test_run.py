@@ -1,7 +1,9 @@
 """The whole chain on a tiny demo speaker: killed, started again, finished, and then nothing left to do."""
 
+import csv
 import hashlib
 import os
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -96,11 +98,20 @@ def test_clips_from_elsewhere_are_a_source(snakemake, tmp_path):
 
 
 def test_a_bad_file_is_one_line_in_terminal_and_log(snakemake, tmp_path):
+    """It stops nobody else: the others' clips are made, and the table tells why it is none."""
     folder = clips_project(tmp_path / "project", make_clip(frames=100))
     with h5py.File(folder / "b.h5", "r+") as file:
         file["motion/positions"][7] = np.nan
-    done = snakemake(folder, *RUN, "clips")
-    assert done.returncode != 0 and "Traceback" not in done.stdout
-    (line,) = [line for line in done.stdout.splitlines() if "error: b.h5" in line]
+    done = snakemake(folder, *RUN, "clips", "out/tables/takes.csv")
+    assert done.returncode == 0 and "Traceback" not in done.stdout
+    (line,) = [line for line in done.stdout.splitlines() if "refused: b.h5" in line]
     assert "NaN" in line and "frame 7" in line
     assert Path(folder / "out/logs/annotate/foreign-b.log").read_text() == f"{line}\n"
+    rows = {row["take"]: row for row in csv.DictReader((folder / "out/tables/takes.csv").open(encoding="utf-8"))}
+    assert "frame 7" in rows["b"]["refused"] and rows["b"]["valid [%]"] == "n/a"
+    assert not rows["a"]["refused"] and rows["a"]["valid [%]"] == "100"
+    shutil.copy(folder / "b.h5", folder / "a.h5")
+    done = snakemake(folder, *RUN, "split")
+    assert done.returncode != 0 and "Traceback" not in done.stdout
+    (line,) = [line for line in done.stdout.splitlines() if "error: foreign: every take is refused" in line]
+    assert "frame 7" in line

@@ -1,6 +1,6 @@
 # Every take becomes a clip: results/<subject>/clips/. One rule a kind of source.
 
-TAKE_TABLES = ["<results>/tables/takes.csv"] if on_video() else []
+TAKE_TABLES = ["<results>/tables/takes.csv"]
 
 MOTION_KEYS = ("skeleton", "units", "up", "body_model")  # of a mocap subject's source
 
@@ -131,10 +131,16 @@ rule annotate_clips:
         "../scripts/annotate_clips.py"
 
 
-# Every take on film in one table, the refused ones with their reason.
+# Every take in one table, the refused ones with their reason.
 rule list_takes:
     input:
-        [f"<results>/{name}/quality/{take}.h5" for name, subject in on_video().items() for take in subject.takes],
+        judged=[f"<results>/{name}/quality/{take}.h5" for name, subject in on_video().items() for take in subject.takes],
+        clips=[
+            f"<results>/{name}/clips/{take}.h5"
+            for name, subject in SUBJECTS.items()
+            if name not in on_video()
+            for take in subject.takes
+        ],
     output:
         "<results>/tables/takes.csv",
     log:

@@ -9,24 +9,21 @@ with job():
     from cospeech.face.model import FaceModel
     from cospeech.formats.mocap import cut_words
     from cospeech.render.pages.quality_page import write_page
-    from cospeech.speech import read_words
+    from cospeech.speech import load_audio, read_words
     from cospeech.track import Track
 
-    files, name, track = snakemake.input, snakemake.wildcards.clip, Track.read(snakemake.input.track)
-    words = read_words(files.words) if files.get("words") else None  # in the film's time
-    clip, quality = clip_or_refusal(
-        annotate,
-        track,
-        files.wav,
-        subject=snakemake.wildcards.subject,
-        clip=name,
-        fps=snakemake.params.fps,
-        audio_path=f"../media/{name}.wav",
-        bones=read_bones(files.bones),
-        face_model=FaceModel.load(files.face_model) if files.get("face_model") else None,
-        words=words and cut_words(words, track.start, track.start + track.frames / track.fps),
-        name=files.track,
-    )
+    files, name = snakemake.input, snakemake.wildcards.clip
+    about = {"subject": snakemake.wildcards.subject, "clip": name, "fps": snakemake.params.fps}
+    about |= {"audio_path": f"../media/{name}.wav", "bones": read_bones(files.bones)}
+    face_model = FaceModel.load(files.face_model) if files.get("face_model") else None
+
+    def made():
+        track = Track.read(files.track)
+        words = read_words(files.words) if files.get("words") else None  # in the film's time
+        words = words and cut_words(words, track.start, track.start + track.frames / track.fps)
+        return annotate(track, files.wav, face_model=face_model, words=words, name=files.track, **about)
+
+    clip, quality = clip_or_refusal(made, lambda: load_audio(files.wav), **about)
     quality.write(snakemake.output.quality)
     write_page(snakemake.output.page, quality, film=f"{name}.mp4")
     clip.write(snakemake.output.clip)

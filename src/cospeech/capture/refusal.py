@@ -4,6 +4,8 @@ A refused track has no parts, a refused clip has no valid frame; nothing trains 
 """
 
 import math
+import traceback
+import warnings
 
 import numpy as np
 
@@ -13,7 +15,10 @@ from cospeech.capture.cleanup.quality import SCALARS, SHARES, Quality
 from cospeech.capture.cleanup.stretch import stand
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
+from cospeech.formats.mapping import load_mapping
 from cospeech.formats.result_table import ABSENT, number, write_table
+from cospeech.formats.smplx_motion import smplx_table
+from cospeech.skeleton import bone_lengths
 from cospeech.track import Track
 
 SILENCE = np.zeros(16000, np.float32), 16000  # stands in for the sound of a film that cannot be read
@@ -22,35 +27,69 @@ HEADINGS = ("subject", "take", "refused", "valid [%]", "body seen [%]", "hands s
 NOTHING = [ABSENT] * 7  # of the numbers of a take that was refused
 
 
+def why(error):
+    """The reason in one line for which a take is refused: a CospeechError's own, or what went wrong without our having
+    foreseen it; the traceback of that is a warning of its own, which the workflow writes into the rule's log."""
+    if isinstance(error, CospeechError):
+        return str(error)
+    warnings.warn("".join(traceback.format_exception(error)), RuntimeWarning, stacklevel=3)
+    text = " ".join(str(error).split())[:200]
+    return f"unforeseen {type(error).__name__}: {text} (its traceback is in the take's log; please report it)"
+
+
 def track_or_refusal(look, name):
-    """The `Track` that look() returns; where it raises CospeechError, a notice, and a refused track that keeps why."""
+    """The `Track` that look() returns; where it fails, for whatever reason, a notice, and a refused track that keeps
+    why."""
     try:
-        return look()
-    except CospeechError as error:
-        notice(f"{name}: refused: {error}")
-        return Track(15.0, 1, 1, 1, refused=str(error))
+        return look().validate(name)
+    except Exception as error:  # one bad take never stops the others
+        reason = why(error)
+        notice(f"{name}: refused: {reason}")
+        return Track(15.0, 1, 1, 1, refused=reason)
 
 
 def sound_or_silence(listen, name):
-    """(samples, rate) that listen() returns; where it raises CospeechError, a notice, and a second of silence."""
+    """(samples, rate) that listen() returns; where it fails, a notice, and a second of silence."""
     try:
         return listen()
-    except CospeechError as error:
-        notice(f"{name}: {error}; silence stands in")
+    except Exception as error:
+        notice(f"{name}: {why(error)}; silence stands in")
         return SILENCE
 
 
-def clip_or_refusal(annotate, track, audio, **options):
-    """What `annotate.annotate` returns of a track and its sound; where it raises CospeechError, a notice and
-    `refused_take`."""
-    from cospeech.speech import load_audio
-
+def clip_or_refusal(make, listen, *, subject, clip, fps, bones=None, audio_path=""):
+    """(`Clip`, `Quality`) of one take: what make() returns, which may be the clip alone; where it fails, for whatever
+    reason, a notice and `refused_take` with the sound of listen(). bones (55,): the speaker's (default: an adult's)."""
     try:
-        return annotate(track, audio, **options)
-    except CospeechError as error:
-        notice(f"{options['subject']}/{options['clip']}: refused: {error}")
-        kept = {key: options[key] for key in ("subject", "clip", "fps", "bones", "audio_path")}
-        return refused_take(str(error), *load_audio(audio), **kept)
+        made = make()
+        return made if isinstance(made, tuple) else (made, quality_of(made))
+    except Exception as error:  # one bad take never stops the others
+        reason = why(error)
+        notice(f"{subject}/{clip}: refused: {reason}")
+        sound = sound_or_silence(listen, f"{subject}/{clip}")
+        bones = adult_bones() if bones is None else bones
+        return refused_take(reason, *sound, bones=bones, subject=subject, clip=clip, fps=fps, audio_path=audio_path)
+
+
+def adult_bones():
+    """(55,) metres: bone lengths of the default SMPL-X skeleton."""
+    rest = smplx_table()["rest"]
+    points = load_mapping("smplx").bind(tuple(rest), "the default skeleton")
+    placed = points.positions(np.array(list(rest.values()))[None], np.zeros((1, len(rest), 4)), 1.0)
+    return bone_lengths(placed)
+
+
+def quality_of(clip):
+    """`Quality` of a `Clip` that no capture made: what was recorded, by its confidences, and why it is refused."""
+    seen = {part: float((clip.confidence[:, joints] > 0).mean()) for part, joints in PARTS.items()}
+    if clip.face_confidence is not None:
+        seen["face"] = float((clip.face_confidence > 0).mean())
+    lacking = {part: 1 - share for part, share in seen.items()}
+    unknown = dict.fromkeys(SCALARS, math.nan) | {"valid": float(clip.valid.mean())}
+    return Quality(
+        clip.subject, clip.clip, clip.fps, clip.frames, "", observed=seen, interpolated=dict.fromkeys(seen, 0.0),
+        excluded=lacking, refused=clip.extra.get("refused", ""), **unknown,
+    )  # fmt: skip
 
 
 def refused_take(reason, samples, sample_rate, *, bones, subject, clip, fps, audio_path=""):
