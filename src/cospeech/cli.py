@@ -5,6 +5,7 @@ library's functions with plain arguments.
 """
 
 import argparse
+import os
 import sys
 import warnings
 
@@ -29,6 +30,9 @@ def main(arguments=None):
     options = _parser().parse_args(arguments)
     try:
         options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # `| head` has read what it wanted; nothing more is written, at exit either
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except CospeechError as error:
         print(f"cospeech: error: {error}", file=sys.stderr)
         return 2

@@ -5,7 +5,7 @@ import math
 import os
 import re
 import zipfile
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
@@ -25,15 +25,17 @@ def writing(path):
     name keeps the suffix, because writers of video and audio choose their container by it.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        raise CospeechError(f"{path}: cannot be written ({error.strerror or error})") from error
+        reason = error.strerror or " ".join(str(error).split())
+        raise CospeechError(f"{path}: cannot be written ({reason})") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # a name too long, or a folder that is none: there is nothing to remove
+            temporary.unlink()
 
 
 @contextmanager
