@@ -19,16 +19,22 @@ def test_huber_is_quadratic_near_and_linear_far_and_summed_over_levels():
 
 def test_adversarial_losses_at_chance_and_when_the_discriminator_is_sure():
     undecided = torch.zeros(5)
-    assert losses.judge(undecided, undecided).item() == pytest.approx(2 * math.log(2), rel=1e-6)
-    assert losses.fool(undecided).item() == pytest.approx(math.log(2), rel=1e-6)
-    assert losses.fool(torch.full((5,), -200.0)).item() == pytest.approx(-math.log(1e-8), rel=1e-5)  # finite: epsilon
-    assert losses.judge(torch.full((5,), 30.0), torch.full((5,), -30.0)).item() == pytest.approx(0, abs=1e-6)
+    assert losses.discriminator_loss(undecided, undecided).item() == pytest.approx(2 * math.log(2), rel=1e-6)
+    assert losses.generator_loss(undecided).item() == pytest.approx(math.log(2), rel=1e-6)
+    assert losses.generator_loss(torch.full((5,), -200.0)).item() == pytest.approx(
+        -math.log(1e-8), rel=1e-5
+    )  # finite: epsilon
+    assert losses.discriminator_loss(torch.full((5,), 30.0), torch.full((5,), -30.0)).item() == pytest.approx(
+        0, abs=1e-6
+    )
 
 
 def test_least_squares_losses():
-    real, made = torch.tensor([0.5, 1.5]), torch.tensor([0.25, 0.75])
-    assert losses.judge_least_squares(real, made).item() == pytest.approx(0.25 + (0.0625 + 0.5625) / 2)
-    assert losses.fool_least_squares(made).item() == pytest.approx((0.5625 + 0.0625) / 2)
+    real, generated = torch.tensor([0.5, 1.5]), torch.tensor([0.25, 0.75])
+    assert losses.least_squares_discriminator_loss(real, generated).item() == pytest.approx(
+        0.25 + (0.0625 + 0.5625) / 2
+    )
+    assert losses.least_squares_generator_loss(generated).item() == pytest.approx((0.5625 + 0.0625) / 2)
 
 
 def test_divergence_of_gaussians():

@@ -152,8 +152,8 @@ class HA2G(nn.Module):
         channels = [table.channels(level) for level in levels]
         self.cascade = Cascade(channels, conditions, s.width, s.layers, s.dropout)
 
-    def heard(self, words):
-        """What the generators hear of words (N, T): features for each level, from its own encoder or from the one."""
+    def text_features(self, words):
+        """Features of words (N, T) for the generators: one for each level, from its own encoder or from the one."""
         copies = self.texts[1:] if len(self.texts) > 1 else self.texts
         features = [encoder(words) for encoder in copies]
         return features * len(self.cascade.levels) if len(copies) == 1 else features
@@ -173,7 +173,7 @@ class HA2G(nn.Module):
     def forward(self, mel, seed, speaker, style, words=None):
         """mel (N, 128, 70) dB, seed (N, 4, 3V), speaker weights (N, S), style (N, Z) added to theirs, words (N, 34)."""
         style = self.style(speaker)[0] + style
-        texts = None if words is None else self.heard(words.long())
+        texts = None if words is None else self.text_features(words.long())
         return self.infer(self.audio(mel), self.coordinator(speaker, style), style, seed, texts)[-1]
 
 
@@ -193,11 +193,11 @@ class HA2GTask(AdversarialTask):
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)
         s = self.settings
-        self.heard = ("mel", "speaker", *(["words"] if s.text else []))
+        self.conditions = ("mel", "speaker", *(["words"] if s.text else []))
         self.generator = self.add("generator", HA2G(corpus, s), s.learning_rate, s.betas)
         if s.weights["adversarial"]:
-            judge = Discriminator(self.channels, FRAMES, s.slope, s.width, s.layers, s.dropout)
-            self.add("discriminator", judge, s.discriminator_rate * s.learning_rate, s.betas)
+            discriminator = Discriminator(self.channels, FRAMES, s.slope, s.width, s.layers, s.dropout)
+            self.add("discriminator", discriminator, s.discriminator_rate * s.learning_rate, s.betas)
         tensor = lambda array: torch.as_tensor(array, dtype=torch.float32, device=device())  # noqa: E731
         self.mean = tensor(corpus.mean)
         self.angles = [tensor(array) for array in corpus.angle_statistics()]
@@ -215,7 +215,7 @@ class HA2GTask(AdversarialTask):
         mean, log_variance = network.style(batch["speaker"])
         style = draw(mean, log_variance)
         shares = network.coordinator(batch["speaker"], style)
-        texts = network.heard(batch["words"]) if self.settings.text_input else None
+        texts = network.text_features(batch["words"]) if self.settings.text_input else None
         levels = network.infer(features, shares, style, batch["seed"], texts)
         targets = [network.cascade.of_level(level, batch["poses"]) for level in range(len(levels))]
         terms = {"huber": losses.huber(levels, targets), "divergence": losses.divergence(mean, log_variance)}

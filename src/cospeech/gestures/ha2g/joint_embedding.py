@@ -104,7 +104,7 @@ class JointEmbeddingTask(WindowTask):
     """Training of Joint Embedding, for `learning.training.train`: every iteration from speech or from poses."""
 
     model, defaults = "joint_embedding", Settings()
-    heard = ("wave", "words")
+    conditions = ("wave", "words")
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)

@@ -10,27 +10,29 @@ VARIANCE = 1e-4  # least variance of an angle in units of pi squared (1.8 degree
 
 def huber(levels, targets, beta=0.1):
     """Eq. 5: the mean smooth L1 distance of each level, summed over levels. Lists of (N, T, D)."""
-    return sum(F.smooth_l1_loss(made, true, beta=beta) for made, true in zip(levels, targets, strict=True))
+    return sum(
+        F.smooth_l1_loss(predicted, target, beta=beta) for predicted, target in zip(levels, targets, strict=True)
+    )
 
 
-def judge(real, made):
-    """What the discriminator lowers (eq. 6): -log D(real) - log(1 - D(made)); D is the sigmoid of its scores (N,)."""
-    return -(torch.log(real.sigmoid() + EPSILON) + torch.log(1 - made.sigmoid() + EPSILON)).mean()
+def discriminator_loss(real, generated):
+    """What the discriminator lowers (eq. 6): -log D(real) - log(1 - D(generated)), D the sigmoid of scores (N,)."""
+    return -(torch.log(real.sigmoid() + EPSILON) + torch.log(1 - generated.sigmoid() + EPSILON)).mean()
 
 
-def fool(made):
-    """What the generator lowers (eq. 6): the non-saturating -log D(made)."""
-    return -torch.log(made.sigmoid() + EPSILON).mean()
+def generator_loss(generated):
+    """What the generator lowers (eq. 6): the non-saturating -log D(generated)."""
+    return -torch.log(generated.sigmoid() + EPSILON).mean()
 
 
-def judge_least_squares(real, made):
-    """The discriminator's loss of a least-squares GAN (Mao et al. 2017): real scores to 1, made ones to 0."""
-    return (real - 1).square().mean() + made.square().mean()
+def least_squares_discriminator_loss(real, generated):
+    """The discriminator's loss of a least-squares GAN (Mao et al. 2017): real scores to 1, generated ones to 0."""
+    return (real - 1).square().mean() + generated.square().mean()
 
 
-def fool_least_squares(made):
+def least_squares_generator_loss(generated):
     """The generator's loss of a least-squares GAN: its scores to 1."""
-    return (made - 1).square().mean()
+    return (generated - 1).square().mean()
 
 
 def divergence(mean, log_variance):

@@ -92,7 +92,7 @@ class Seq2SeqTask(WindowTask):
     """Training of Seq2Seq, for `cospeech.learning.training.train`."""
 
     model, defaults = "seq2seq", Settings()
-    heard = ("words",)
+    conditions = ("words",)
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)

@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from cospeech.gestures.ha2g.dataset.corpus import FRAMES, SEED_FRAMES
-from cospeech.gestures.ha2g.losses import fool_least_squares, judge_least_squares
+from cospeech.gestures.ha2g.losses import least_squares_discriminator_loss, least_squares_generator_loss
 from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
 from cospeech.gestures.ha2g.task import AdversarialTask
 from cospeech.learning.settings import BETAS, COUNT, NATURAL, POSITIVE, SHARE, UNPUBLISHED, WEIGHT, Section, key
@@ -139,16 +139,19 @@ class Speech2GestureTask(AdversarialTask):
     """Training of Speech2Gesture, for `cospeech.learning.training.train`."""
 
     model, defaults = "speech2gesture", Settings()
-    heard = ("s2g_mel",)
-    judge, fool = staticmethod(judge_least_squares), staticmethod(fool_least_squares)
+    conditions = ("s2g_mel",)
+    discriminator_loss, generator_loss = (
+        staticmethod(least_squares_discriminator_loss),
+        staticmethod(least_squares_generator_loss),
+    )
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)
         s = self.settings
         self.generator = self.add("generator", Speech2Gesture(corpus, s), s.learning_rate, s.betas)
         if s.weights["adversarial"]:
-            judge = PatchDiscriminator(self.channels, s.width)
-            self.add("discriminator", judge, s.discriminator_rate * s.learning_rate, s.betas)
+            discriminator = PatchDiscriminator(self.channels, s.width)
+            self.add("discriminator", discriminator, s.discriminator_rate * s.learning_rate, s.betas)
 
     def reconstruct(self, batch):
         poses = self.generator(batch["s2g_mel"], batch["seed"])

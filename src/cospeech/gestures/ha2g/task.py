@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 import torch
 
 from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
-from cospeech.gestures.ha2g.losses import fool, judge
+from cospeech.gestures.ha2g.losses import discriminator_loss, generator_loss
 from cospeech.learning.settings import settings_of
 from cospeech.learning.training import descend, device
 from cospeech.speech.mel import BINS, COLUMNS, S2G_BINS, S2G_COLUMNS
@@ -16,11 +16,11 @@ class WindowTask:
     """A training on windows of a `Corpus`. A subclass sets `generator` and says what one iteration does.
 
     settings : its dataclass, with `steps`, `epochs` and `batch`; steps of 0 are those that the epochs make.
-    heard : what the network hears of the corpus's keys.
+    conditions : those of the corpus's keys that the network is conditioned on.
     """
 
     model, defaults = "", None
-    heard = ()
+    conditions = ()
     sequences = False  # its inputs are units of a fixed length
 
     @classmethod
@@ -49,7 +49,7 @@ class WindowTask:
 
     def batch(self, rng):
         """Random windows, {key: tensor on the training device}; the speaker as weights (N, S)."""
-        keys = (*self.heard, "poses")
+        keys = (*self.conditions, "poses")
         arrays = self.corpus.sample(rng, self.settings.batch, keys=keys)
         batch = {key: torch.from_numpy(array).to(device()) for key, array in arrays.items()}
         if "speaker" in batch:
@@ -69,7 +69,7 @@ class WindowTask:
             "model": self.model, "settings": asdict(self.settings), "levels": corpus.levels.name, "fps": FPS,
             "frames": FRAMES, "seed_frames": SEED_FRAMES, "inputs": {name: list(x.shape[1:]) for name, x in
             self.example().items()}, "mean": corpus.mean.tolist(), "lengths": corpus.lengths.tolist(),
-            "speakers": list(corpus.speakers), "vocabulary": list(corpus.vocabulary.words) if "words" in self.heard
+            "speakers": list(corpus.speakers), "vocabulary": list(corpus.vocabulary.words) if "words" in self.conditions
             else [], "multiple": 1, "halo": None,
         }  # fmt: skip
 
@@ -86,10 +86,10 @@ class WindowTask:
         if "speaker" in self.generator.inputs:
             shapes["style"] = (self.settings.style,)
         numbers = torch.Generator().manual_seed(0)
-        made = {name: torch.randn(1, *shapes[name], generator=numbers) for name in self.generator.inputs}
-        if "words" in made:
-            made["words"] = (made["words"].abs() * 10).round().clamp(max=self.corpus.vocabulary.size - 1)
-        return made
+        example = {name: torch.randn(1, *shapes[name], generator=numbers) for name in self.generator.inputs}
+        if "words" in example:
+            example["words"] = (example["words"].abs() * 10).round().clamp(max=self.corpus.vocabulary.size - 1)
+        return example
 
     def export(self):
         """What is kept: (module in eval mode on the CPU, {input: example (1, ...)}, output names)."""
@@ -99,11 +99,12 @@ class WindowTask:
 class AdversarialTask(WindowTask, ABC):
     """A training with a discriminator, which joins after the share `warm_up` of it.
 
-    With `mixed`, the discriminator is given real and made poses in one batch. Given one after the other, as published,
-    its batch norm brings both to the same mean and deviation, so that it cannot tell motion that is too small.
+    With `mixed`, the discriminator is given real and generated poses in one batch. Given one after the other, as
+    published, its batch norm brings both to the same mean and deviation, so that it cannot tell motion that is too
+    small.
     """
 
-    judge, fool = staticmethod(judge), staticmethod(fool)
+    discriminator_loss, generator_loss = staticmethod(discriminator_loss), staticmethod(generator_loss)
 
     @abstractmethod
     def reconstruct(self, batch):
@@ -116,25 +117,27 @@ class AdversarialTask(WindowTask, ABC):
         losses = {}
         if settings.weights["adversarial"] and step >= settings.warm_up * settings.steps:
             losses["discriminator"] = self._update_discriminator(batch["poses"], poses.detach())
-            terms["adversarial"] = self.fool(self.scores(batch["poses"] if settings.mixed else None, poses)[1])
+            terms["adversarial"] = self.generator_loss(
+                self.scores(batch["poses"] if settings.mixed else None, poses)[1]
+            )
         weighted = {name: settings.weights[name] * term for name, term in terms.items()}
         descend(self, "generator", sum(weighted.values()))
         return losses | {name: term.detach() for name, term in weighted.items()}
 
-    def scores(self, real, made):
-        """What the discriminator says to real (or None: it is not asked) and to made poses (N, T, C)."""
+    def scores(self, real, generated):
+        """What the discriminator says to real (or None: it is not asked) and to generated poses (N, T, C)."""
         discriminator = self.modules["discriminator"]
         if self.settings.mixed:
-            return discriminator(torch.cat([real, made])).chunk(2)
-        return None if real is None else discriminator(real), discriminator(made)
+            return discriminator(torch.cat([real, generated])).chunk(2)
+        return None if real is None else discriminator(real), discriminator(generated)
 
-    def _update_discriminator(self, real, made):
+    def _update_discriminator(self, real, generated):
         """One step; `r1` penalises the gradient at real poses (Mescheder et al. 2018), which cuDNN cannot do."""
         r1 = self.settings.r1
         real = real.clone().requires_grad_(r1 > 0)
         with torch.backends.cudnn.flags(enabled=not r1):
-            scores, of_made = self.scores(real, made)
-            loss = total = self.judge(scores, of_made)
+            scores, of_generated = self.scores(real, generated)
+            loss = total = self.discriminator_loss(scores, of_generated)
             if r1:
                 (gradient,) = torch.autograd.grad(scores.sum(), real, create_graph=True)
                 total = loss + r1 / 2 * gradient.square().sum((1, 2)).mean()

@@ -79,38 +79,38 @@ class Trimodal(nn.Module):
         channels = [table.channels(level) for level in inferred_levels(table, "none")]
         self.cascade = Cascade(channels, 2 * FEATURES + s.style, s.width, s.layers, s.dropout)
 
-    def infer(self, heard, style, seed):
-        """heard (N, T, 64) of wave and words, style (N, Z), seed (N, 4, C) -> poses (N, T, C)."""
-        return self.cascade(seed, [torch.cat([heard, style[:, None].expand(-1, heard.shape[1], -1)], dim=2)])[0]
+    def infer(self, features, style, seed):
+        """features (N, T, 64) of wave and words, style (N, Z), seed (N, 4, C) -> poses (N, T, C)."""
+        return self.cascade(seed, [torch.cat([features, style[:, None].expand(-1, features.shape[1], -1)], dim=2)])[0]
 
-    def hear(self, wave, words):
+    def encode(self, wave, words):
         return torch.cat([self.audio(wave), self.text(words)], dim=2)
 
     def forward(self, wave, words, seed, speaker, style):
         """wave (N, 36267), words (N, 34), seed (N, 4, 3V), speaker weights (N, S), style (N, Z) added to theirs."""
-        return self.infer(self.hear(wave, words.long()), self.style(speaker)[0] + style, seed)
+        return self.infer(self.encode(wave, words.long()), self.style(speaker)[0] + style, seed)
 
 
 class TrimodalTask(AdversarialTask):
     """Training of Trimodal, for `cospeech.learning.training.train`."""
 
     model, defaults = "trimodal", Settings()
-    heard = ("wave", "words", "speaker")
+    conditions = ("wave", "words", "speaker")
 
     def __init__(self, corpus, settings, seed):
         super().__init__(corpus, settings, seed)
         s = self.settings
         self.generator = self.add("generator", Trimodal(corpus, s), s.learning_rate, s.betas)
         if s.weights["adversarial"]:
-            judge = Discriminator(self.channels, FRAMES, s.slope, s.width, s.layers, s.dropout)
-            self.add("discriminator", judge, s.discriminator_rate * s.learning_rate, s.betas)
+            discriminator = Discriminator(self.channels, FRAMES, s.slope, s.width, s.layers, s.dropout)
+            self.add("discriminator", discriminator, s.discriminator_rate * s.learning_rate, s.betas)
 
     def reconstruct(self, batch):
         network = self.generator
         mean, log_variance = network.style(batch["speaker"])
         style = draw(mean, log_variance)
-        heard = network.hear(batch["wave"], batch["words"])
-        poses = network.infer(heard, style, batch["seed"])
+        features = network.encode(batch["wave"], batch["words"])
+        poses = network.infer(features, style, batch["seed"])
         terms = {
             "huber": losses.huber([poses], [batch["poses"]]),
             "divergence": losses.divergence(mean, log_variance),
@@ -119,6 +119,6 @@ class TrimodalTask(AdversarialTask):
             with torch.no_grad():
                 speaker = torch.randint(len(self.corpus.speakers), (len(poses),), device=poses.device)
                 other = draw(*network.style(self.weights_of(speaker)))
-                others = network.infer(heard, other, batch["seed"])
+                others = network.infer(features, other, batch["seed"])
             terms["diverging"] = losses.diverging(poses, others, style, other)
         return poses, terms

@@ -1,4 +1,4 @@
-"""The discriminator of Trimodal and HA2G (Table 8): real or made, from the poses alone."""
+"""The discriminator of Trimodal and HA2G (Table 8): real or generated, from the poses alone."""
 
 from torch import nn
 
