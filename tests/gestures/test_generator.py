@@ -9,7 +9,7 @@ from cospeech.cli import main
 from cospeech.clip import Clip, Motion
 from cospeech.errors import CospeechError
 from cospeech.gestures.generator import COMPARISONS, MODELS, VARIANTS, Model, Speech, find, resolve, settings_for
-from cospeech.gestures.ha2g.long_speech import SharedGenerator
+from cospeech.gestures.ha2g.long_speech import MultiSpeakerGenerator
 from cospeech.skeleton import UPPER55
 from cospeech.speech import speech_features, write_wav
 from cospeech.split import split_clips
@@ -107,10 +107,10 @@ def test_the_models_own_smoothing_unless_another_is_asked(monkeypatch, samples):
 
 
 def test_what_hears_the_sound_says_so_when_there_are_but_features(toy_clips):
-    generator = SharedGenerator.__new__(SharedGenerator)
+    generator = MultiSpeakerGenerator.__new__(MultiSpeakerGenerator)
     generator.description = {"model": "ha2g"}
     with pytest.raises(CospeechError, match="ha2g: hears the sound itself"):
-        generator._heard(Speech.of(toy_clips[0]), 30)
+        generator._conditions(Speech.of(toy_clips[0]), 30)
 
 
 def test_an_option_that_a_model_does_not_know_is_one_line(tmp_path):

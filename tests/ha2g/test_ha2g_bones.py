@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 from cospeech.errors import CospeechError
 from cospeech.gestures.ha2g.dataset.bones import (
     PLACES,
-    Figure,
+    Proportions,
     bone_vectors,
     mean_lengths,
-    measure_figure,
+    measure_proportions,
     motion_from_vectors,
     positions_from_vectors,
     table_joints,
@@ -101,7 +101,7 @@ def lifelike(frames=40):
 
 def test_to_vectors_and_back_is_the_same_motion():
     clip, table = lifelike(), level_table("expressive43")
-    figure = Figure.of(measure_figure([clip], table).lists())
+    figure = Proportions.of(measure_proportions([clip], table).lists())
     motion = motion_from_vectors(bone_vectors(clip.positions, clip.rotation, table), table, figure)
     tips = [joint for name, joint in UPPER55.index.items() if name.endswith("_3")]
     known = [joint for joint in range(55) if joint not in tips]
@@ -112,7 +112,7 @@ def test_to_vectors_and_back_is_the_same_motion():
 
 def test_without_hands_the_bones_still_keep_their_lengths():
     clip, table = lifelike(), level_table("ted10")
-    figure = measure_figure([clip], table)
+    figure = measure_proportions([clip], table)
     motion = motion_from_vectors(bone_vectors(clip.positions, clip.rotation, table), table, figure)
     wrists = UPPER55.joints("right_wrist", "left_wrist")
     np.testing.assert_allclose(motion.positions[:, wrists], clip.positions[:, wrists], atol=2e-4)
@@ -125,7 +125,7 @@ def test_without_hands_the_bones_still_keep_their_lengths():
 
 def test_bones_of_any_vectors_are_the_figures():
     table = level_table("expressive43")
-    figure = measure_figure([lifelike()], table)
+    figure = measure_proportions([lifelike()], table)
     vectors = np.random.default_rng(0).normal(size=(20, 42, 3))
     lengths = bone_lengths(figure.rest[None])
     found = np.linalg.norm(np.diff(motion_from_vectors(vectors, table, figure).positions[:, [3, 4]], axis=1), axis=-1)
@@ -134,6 +134,6 @@ def test_bones_of_any_vectors_are_the_figures():
 
 def test_two_speakers_mix_by_weight():
     table = level_table("ted10")
-    one, two = measure_figure([lifelike()], table), measure_figure([make_clip(9, 40)], table)
-    np.testing.assert_allclose(Figure.mixed([one, two], [0.25, 0.75]).rest, one.rest / 4 + two.rest * 0.75)
-    np.testing.assert_allclose(Figure.mixed([one, two], [1.0, 0.0]).lengths, one.lengths)
+    one, two = measure_proportions([lifelike()], table), measure_proportions([make_clip(9, 40)], table)
+    np.testing.assert_allclose(Proportions.mixed([one, two], [0.25, 0.75]).rest, one.rest / 4 + two.rest * 0.75)
+    np.testing.assert_allclose(Proportions.mixed([one, two], [1.0, 0.0]).lengths, one.lengths)

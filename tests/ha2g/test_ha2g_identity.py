@@ -20,7 +20,7 @@ from cospeech.gestures.ha2g.dataset.corpus import Corpus
 from cospeech.gestures.ha2g.dataset.filters import Filters
 from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.gestures.ha2g.dataset.references import ReferenceFrames, take_reference_frames
-from cospeech.gestures.ha2g.long_speech import SharedGenerator
+from cospeech.gestures.ha2g.long_speech import MultiSpeakerGenerator
 from cospeech.gestures.ha2g.models import ha2g_task
 from cospeech.gestures.ha2g.networks.identity import IdentityEncoder, ResNet18, export_identity, load_imagenet
 from cospeech.gestures.ha2g.networks.style import FrameStyle, StyleCoordinator
@@ -55,8 +55,8 @@ def corpus():
         warnings.simplefilter("ignore")
         takes = {"red": [spoken_take(s, "red", 300) for s in range(3)]}
         takes["blue"] = [mirrored(spoken_take(s, "blue", 300)) for s in range(3)]
-        looks = {"red": snapshots(RED, 0), "blue": snapshots(BLUE, 1), "nobody asked": snapshots(RED, 2)}
-        return collect(takes, "ted10", filters=ANYTHING, references=looks)
+        references = {"red": snapshots(RED, 0), "blue": snapshots(BLUE, 1), "nobody asked": snapshots(RED, 2)}
+        return collect(takes, "ted10", filters=ANYTHING, references=references)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def trained(corpus, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def generator(trained):
-    return SharedGenerator(trained / "model.onnx", 1)
+    return MultiSpeakerGenerator(trained / "model.onnx", 1)
 
 
 def lean(motion):
@@ -88,7 +88,7 @@ def obedience(generator, style):
     return np.corrcoef(lean(motion), lean(take.clip))[0, 1]
 
 
-def stranger(path, colour, seed):
+def unseen_speaker(path, colour, seed):
     """A file of reference frames of somebody else of that colour."""
     pictures = snapshots(colour, seed, 5)
     ReferenceFrames("stranger", pictures, ["a"] * 5, np.arange(5.0), np.ones(5, np.float32)).write(path)
@@ -155,9 +155,9 @@ def test_a_speaker_without_reference_frames_is_one_line():
     takes = {name: [spoken_take(0, name, 100)] for name in ("red", "blue")}
     with pytest.raises(CospeechError, match=r"^blue: has no reference frames.*film blue too, leave blue out, or set"):
         collect(takes, "ted10", filters=ANYTHING, references={"red": snapshots(RED, 0)})
-    looks = {"red": snapshots(RED, 0), "blue": snapshots(BLUE, 0, side=96)}
+    references = {"red": snapshots(RED, 0), "blue": snapshots(BLUE, 0, side=96)}
     with pytest.raises(CospeechError, match=r"several sizes, \[64, 96\]"):
-        collect(takes, "ted10", filters=ANYTHING, references=looks)
+        collect(takes, "ted10", filters=ANYTHING, references=references)
 
 
 def test_training_tells_the_speakers_apart(generator):
@@ -165,7 +165,7 @@ def test_training_tells_the_speakers_apart(generator):
 
 
 def test_who_was_never_seen_moves_like_those_who_look_like_them(generator, tmp_path):
-    red, blue = stranger(tmp_path / "red.h5", RED, 70), stranger(tmp_path / "blue.h5", BLUE, 71)
+    red, blue = unseen_speaker(tmp_path / "red.h5", RED, 70), unseen_speaker(tmp_path / "blue.h5", BLUE, 71)
     assert obedience(generator, red) > 0.5 and obedience(generator, blue) < -0.5
 
 
@@ -181,12 +181,12 @@ def test_known_and_unknown_speakers_mix_by_weight(trained, tmp_path):
             given.append(inputs)
             return self.network(**inputs)
 
-    whole = SharedGenerator(trained / "model.onnx", 1)
-    generator = SharedGenerator(Listening(whole.network), identity=trained / "identity.onnx")
-    path = stranger(tmp_path / "red.h5", RED, 70)
+    whole = MultiSpeakerGenerator(trained / "model.onnx", 1)
+    generator = MultiSpeakerGenerator(Listening(whole.network), identity=trained / "identity.onnx")
+    path = unseen_speaker(tmp_path / "red.h5", RED, 70)
     generator.generate(Speech(np.zeros(8000, np.float32), 16000), style=f"blue=1,{path}=3")
     np.testing.assert_allclose(given[0]["speaker"], [[0.0, 0.25]])
-    np.testing.assert_allclose(given[0]["style"][0], 0.75 * whole.look(path), rtol=1e-5)
+    np.testing.assert_allclose(given[0]["style"][0], 0.75 * whole.style_vector(path), rtol=1e-5)
     generator.generate(Speech(np.zeros(8000, np.float32), 16000), style="blue=1,red=3")
     np.testing.assert_allclose(given[1]["speaker"], [[0.75, 0.25]])
     assert not given[1]["style"].any()
@@ -200,7 +200,9 @@ def test_a_speaker_by_name_is_that_speaker_by_their_own_pictures(trained, genera
         count = len(pictures)
         known = ReferenceFrames(name, pictures, ["a"] * count, np.arange(float(count)), np.ones(count, np.float32))
         known.write(tmp_path / f"{name}.h5")
-        np.testing.assert_allclose(generator.look(tmp_path / f"{name}.h5"), weights["style.means"][row], atol=1e-4)
+        np.testing.assert_allclose(
+            generator.style_vector(tmp_path / f"{name}.h5"), weights["style.means"][row], atol=1e-4
+        )
         one, two = (obedience(generator, style) for style in (name, str(tmp_path / f"{name}.h5")))
         assert one == pytest.approx(two, abs=1e-3)
 
@@ -262,7 +264,7 @@ def test_wrong_imagenet_weights_are_one_line(tmp_path):
 
 
 def test_strangers_where_they_cannot_be_known_are_one_line(generator, trained, tmp_path):
-    path, silence = stranger(tmp_path / "red.h5", RED, 70), np.zeros(8000, np.float32)
+    path, silence = unseen_speaker(tmp_path / "red.h5", RED, 70), np.zeros(8000, np.float32)
     about = {key: value for key, value in generator.description.items() if key != "picture"}
 
     class Named:
@@ -271,10 +273,10 @@ def test_strangers_where_they_cannot_be_known_are_one_line(generator, trained, t
         def __call__(self, **inputs):
             raise AssertionError("refused before")
 
-    by_name = SharedGenerator(Named())
+    by_name = MultiSpeakerGenerator(Named())
     with pytest.raises(CospeechError, match=re.escape(f"{path}: ha2g knows its speakers (red, blue) by name, not by")):
         by_name.generate(Speech(silence, 16000), style=path)
-    alone = SharedGenerator(trained / "model.onnx", 1, identity=tmp_path / "identity.onnx")
+    alone = MultiSpeakerGenerator(trained / "model.onnx", 1, identity=tmp_path / "identity.onnx")
     with pytest.raises(CospeechError, match=r"identity\.onnx: no such file"):
         alone.generate(Speech(silence, 16000), style=path)
     ReferenceFrames("big", snapshots(RED, 0, 2, 96), ["a"] * 2, np.arange(2.0), np.ones(2)).write(tmp_path / "big.h5")
@@ -303,16 +305,16 @@ def filmed(folder, speaker):
 
 def test_virtual_speakers_are_known_again_in_frames_that_nothing_has_learned_from(tmp_path):
     """The encoder learns to tell calm from lively by the first half of a film of each, and is shown the second."""
-    looks, others = {}, {}
+    references, others = {}, {}
     for speaker in ("calm", "lively"):
         films, half = {"take": filmed(tmp_path, speaker)}, SECONDS / 2
-        looks[speaker] = take_reference_frames(speaker, films, {"take": [(0.0, half)]}, count=6, size=64)
+        references[speaker] = take_reference_frames(speaker, films, {"take": [(0.0, half)]}, count=6, size=64)
         others[speaker] = take_reference_frames(speaker, films, {"take": [(half, SECONDS)]}, count=3, size=64)
-        assert looks[speaker].times.max() < half <= others[speaker].times.min()
+        assert references[speaker].times.max() < half <= others[speaker].times.min()
     takes = {"calm": [spoken_take(0, "calm", 150)], "lively": [mirrored(spoken_take(1, "lively", 150))]}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        references = {name: found.pictures for name, found in looks.items()}
+        references = {name: found.pictures for name, found in references.items()}
         corpus = collect(takes, "ted10", filters=ANYTHING, references=references)
     task = ha2g_task("ha2g", corpus, SMALL | {"steps": 25, "text": False, "width": 0.06, "batch": 8}, 0)
     train(task, 25, seed=0)

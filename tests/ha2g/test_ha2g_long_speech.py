@@ -9,10 +9,10 @@ import pytest
 from cospeech.clip import Words
 from cospeech.errors import CospeechError
 from cospeech.gestures.generator import Speech
-from cospeech.gestures.ha2g.dataset.bones import Figure, bone_vectors
+from cospeech.gestures.ha2g.dataset.bones import Proportions, bone_vectors
 from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary
-from cospeech.gestures.ha2g.long_speech import SharedGenerator, cross_fade, parse_style, unit_starts
+from cospeech.gestures.ha2g.long_speech import MultiSpeakerGenerator, cross_fade, parse_style, unit_starts
 from cospeech.skeleton import UPPER55
 from cospeech.synthesis import synthesize
 from tests.conftest import make_clip
@@ -43,11 +43,11 @@ class Known:
 def figure(seed):
     """Some speaker's build."""
     rest = make_clip(seed, 2).positions[0]
-    return Figure(TABLE.lengths * (1 + 0.1 * seed), rest, np.array([[0.0, -0.1, -0.04], [0.0, 0.14, 0.0]]))
+    return Proportions(TABLE.lengths * (1 + 0.1 * seed), rest, np.array([[0.0, -0.1, -0.04], [0.0, 0.14, 0.0]]))
 
 
 def generator(angle, *inputs):
-    """A SharedGenerator of a function of some inputs."""
+    """A MultiSpeakerGenerator of a function of some inputs."""
     start = np.tile([0.0, 1.0, 0.0], (4, 9))
     about = {
         "model": "known", "levels": "ted10", "inputs": {name: list(SHAPES[name]) for name in inputs},
@@ -55,7 +55,7 @@ def generator(angle, *inputs):
         "starts": {"poses": [start.tolist()] * 2, "speaker": [0, 1]},
         "figures": {"ann": figure(0).lists(), "bob": figure(1).lists()},
     }  # fmt: skip
-    return SharedGenerator(Known(angle, about), 1)
+    return MultiSpeakerGenerator(Known(angle, about), 1)
 
 
 def arm_angles(motion):

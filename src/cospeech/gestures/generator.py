@@ -156,13 +156,13 @@ MOGLOW = CHAPTER4 | {
     "section": "moglow",
     "source": "Alexanderson et al. 2020",
 }
-TOLD = MOGLOW | {
+CONTROLLED = MOGLOW | {
     "generator": "cospeech.matching.control.controlled_sampler:ControlledSampler",
     "options": ("control",),
 }
 SEARCH = {"needs": ("database", "audio_rank"), "options": MATCHING, "source": "thesis section 5.3"}
 MANY = {
-    "generator": "cospeech.gestures.ha2g.long_speech:SharedGenerator",
+    "generator": "cospeech.gestures.ha2g.long_speech:MultiSpeakerGenerator",
     "task": "cospeech.gestures.ha2g.models:training_task",
     "learns": "speakers",
     "options": ("style", "initial"),
@@ -197,12 +197,14 @@ MODELS = {
     ),
     "moglow": Model("MoGlow", "a normalising flow, which draws motion at random", **MOGLOW),
     "moglow_height": Model(
-        "MoGlow, wrist height", "MoGlow that is told the left wrist's height", signal="left_wrist_height", **TOLD
+        "MoGlow, wrist height", "MoGlow that is told the left wrist's height", signal="left_wrist_height", **CONTROLLED
     ),
     "moglow_speed": Model(
-        "MoGlow, wrist speed", "MoGlow that is told the left wrist's speed", signal="left_wrist_speed", **TOLD
+        "MoGlow, wrist speed", "MoGlow that is told the left wrist's speed", signal="left_wrist_speed", **CONTROLLED
     ),
-    "moglow_symmetry": Model("MoGlow, symmetry", "MoGlow that is told the hands' symmetry", signal="symmetry", **TOLD),
+    "moglow_symmetry": Model(
+        "MoGlow, symmetry", "MoGlow that is told the hands' symmetry", signal="symmetry", **CONTROLLED
+    ),
     "knn": Model(
         "k-NN, seams inertialised",
         "the speaker's own recordings, found eight frames at a time (Algorithm 1), set to look best",

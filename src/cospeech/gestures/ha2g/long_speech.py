@@ -10,7 +10,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError, notice
 from cospeech.gestures.generator import Speech
-from cospeech.gestures.ha2g.dataset.bones import Figure, motion_from_vectors
+from cospeech.gestures.ha2g.dataset.bones import Proportions, motion_from_vectors
 from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, SEED_FRAMES
 from cospeech.gestures.ha2g.dataset.levels import level_table
 from cospeech.gestures.ha2g.dataset.references import SUFFIX, ReferenceFrames
@@ -23,7 +23,7 @@ HOP_FRAMES = FRAMES - SEED_FRAMES  # from one unit's first frame to the next one
 RANDOM = "random"  # the style that is drawn
 
 
-class SharedGenerator:
+class MultiSpeakerGenerator:
     """A network of `models`: speech of any length in, motion out, in the style of any speaker.
 
     network : path of its ONNX file, or what is called like an `OnnxNetwork` and has a `description`.
@@ -39,7 +39,7 @@ class SharedGenerator:
         self.inputs = about["inputs"]
         self.vocabulary = Vocabulary(tuple(about["vocabulary"])) if about["vocabulary"] else None
         self.mean = np.array(about["mean"], np.float32)
-        self.figures = {name: Figure.of(lists) for name, lists in about["figures"].items()}
+        self.figures = {name: Proportions.of(lists) for name, lists in about["figures"].items()}
 
     @classmethod
     def load(cls, name, folder, threads=None):
@@ -52,7 +52,7 @@ class SharedGenerator:
         Words of the speech are heard by networks that hear them; None leaves them unheard.
         style : {speaker: weight}, "calm", "calm=0.7,lively=0.3", or "random" for a style vector drawn from the normal
             distribution; None is every speaker's by the same weight. A speaker may be a file of reference frames
-            (.h5), of whomever, if the network knows speakers by their looks.
+            (.h5), of whomever, if the network knows speakers by reference frames.
         initial : the poses before the first frame, "random" from the training part or "mean". seed : of what is drawn.
 
         The motion's bones are those of the style's speakers, mixed by weight (of all, where
@@ -60,17 +60,17 @@ class SharedGenerator:
         """
         speech = Speech.of(speech)
         frames = len(speech)
-        (weights, strangers), rng = self.weights_of(style), np.random.default_rng(seed)
+        (weights, unseen), rng = self.weights_of(style), np.random.default_rng(seed)
         given = {"seed": self._initial(initial, weights, rng)[None], "speaker": weights[None].astype(np.float32)}
         if "style" in self.inputs:
-            vector = rng.standard_normal(self.inputs["style"]) if style == RANDOM else self._style_of(strangers)
+            vector = rng.standard_normal(self.inputs["style"]) if style == RANDOM else self._unseen_style(unseen)
             given["style"] = vector[None].astype(np.float32)
-        heard = self._heard(speech, frames)
-        poses = self._units(heard, given, unit_starts(frames))[:frames]
+        conditions = self._conditions(speech, frames)
+        poses = self._units(conditions, given, unit_starts(frames))[:frames]
         vectors = (poses + self.mean).reshape(len(poses), -1, 3)
         shares = weights if weights.any() else np.full(len(weights), 1 / len(weights))
-        shares = shares / shares.sum() if strangers else shares
-        figure = Figure.mixed([self.figures[name] for name in self.speakers], shares)
+        shares = shares / shares.sum() if unseen else shares
+        figure = Proportions.mixed([self.figures[name] for name in self.speakers], shares)
         return motion_from_vectors(vectors, self.table, figure)
 
     def weights_of(self, style):
@@ -81,23 +81,23 @@ class SharedGenerator:
         if style == RANDOM:
             return np.zeros(len(self.speakers)), {}
         weights = parse_style(style) if isinstance(style, str) else style or dict.fromkeys(self.speakers, 1.0)
-        strangers = {name: weight for name, weight in weights.items() if name not in self.speakers}
-        for name in strangers:
+        unseen = {name: weight for name, weight in weights.items() if name not in self.speakers}
+        for name in unseen:
             if Path(name).suffix != SUFFIX:
                 raise CospeechError(f"style: no speaker {name!r}; known: {', '.join(self.speakers)}, or {RANDOM}")
-            self._check_looks(name)
+            self._check_reference_frames(name)
         given = np.array([weights.get(name, 0.0) for name in self.speakers])
-        total = given.sum() + sum(strangers.values())
-        return given / total, {name: weight / total for name, weight in strangers.items()}
+        total = given.sum() + sum(unseen.values())
+        return given / total, {name: weight / total for name, weight in unseen.items()}
 
-    def _check_looks(self, name):
+    def _check_reference_frames(self, name):
         if "picture" not in self.description:
             raise CospeechError(
                 f"style: {name}: {self.description['model']} knows its speakers ({', '.join(self.speakers)}) by name, "
                 "not by reference frames; train ha2g with ensemble.identity: frames"
             )
 
-    def look(self, path):
+    def style_vector(self, path):
         """The mean style vector (Z,) of whoever a file of reference frames shows."""
         pictures, side = ReferenceFrames.read(path).pictures, self.description["picture"]
         if pictures.shape[1] != side:
@@ -106,9 +106,11 @@ class SharedGenerator:
             self.identity = OnnxNetwork(self.identity)
         return self.identity(pictures=pictures.transpose(0, 3, 1, 2))[0].mean(axis=0)
 
-    def _style_of(self, strangers):
+    def _unseen_style(self, unseen):
         """What is added to the style of the known speakers (Z,): that of the others, by weight."""
-        return sum((weight * self.look(path) for path, weight in strangers.items()), np.zeros(self.inputs["style"]))
+        return sum(
+            (weight * self.style_vector(path) for path, weight in unseen.items()), np.zeros(self.inputs["style"])
+        )
 
     def _initial(self, initial, weights, rng):
         """(4, 3V) poses before the first frame, of one of the style's speakers."""
@@ -121,8 +123,8 @@ class SharedGenerator:
             return np.zeros(self.inputs["seed"], np.float32)
         return np.array(starts["poses"][which], np.float32)
 
-    def _heard(self, speech, frames):
-        """{input: function of a unit's first frame} for what this network hears of the speech."""
+    def _conditions(self, speech, frames):
+        """{input: function of a unit's first frame} for what this network takes of the speech."""
         import soxr
 
         if speech.samples is None:
@@ -131,29 +133,29 @@ class SharedGenerator:
         samples = samples if speech.rate == RATE else soxr.resample(samples, speech.rate, RATE, quality="HQ")
         reach = round(unit_starts(frames)[-1] / FPS * RATE) + SAMPLES + 2 * HOP
         samples = np.pad(samples, (0, max(0, reach - len(samples))))
-        heard = {}
+        conditions = {}
         if "mel" in self.inputs:
             mel = log_mel(samples)
-            heard["mel"] = lambda frame: _cut(mel, column_at(frame / FPS, HOP), COLUMNS)
+            conditions["mel"] = lambda frame: _cut(mel, column_at(frame / FPS, HOP), COLUMNS)
         if "s2g_mel" in self.inputs:
             s2g = log_mel_s2g(samples)
-            heard["s2g_mel"] = lambda frame: _cut(s2g, column_at(frame / FPS, S2G_HOP), S2G_COLUMNS).T
+            conditions["s2g_mel"] = lambda frame: _cut(s2g, column_at(frame / FPS, S2G_HOP), S2G_COLUMNS).T
         if "wave" in self.inputs:
-            heard["wave"] = lambda frame: _cut(samples, round(frame / FPS * RATE), SAMPLES)
+            conditions["wave"] = lambda frame: _cut(samples, round(frame / FPS * RATE), SAMPLES)
         if "words" in self.inputs:
             if words is None or not len(words):
                 notice(f"{self.description['model']} hears words, and the speech has none: give --words or --recognize")
             numbers = np.zeros(unit_starts(frames)[-1] + FRAMES, np.float32)
             if words is not None:
                 numbers[:frames] = self.vocabulary.frames(words, frames, FPS)
-            heard["words"] = lambda frame: numbers[frame : frame + FRAMES]
-        return heard
+            conditions["words"] = lambda frame: numbers[frame : frame + FRAMES]
+        return conditions
 
-    def _units(self, heard, given, starts):
+    def _units(self, conditions, given, starts):
         """Every unit's poses, each begun with the last poses of the one before, joined: (34 + 30 (K - 1), 3V)."""
         units = []
         for frame in starts:
-            arrays = {name: cut(frame)[None] for name, cut in heard.items()} | given
+            arrays = {name: cut(frame)[None] for name, cut in conditions.items()} | given
             units.append(self.network(**{name: arrays[name] for name in self.inputs})[0][0])
             given["seed"] = units[-1][None, -SEED_FRAMES:]
         return cross_fade(units)

@@ -33,7 +33,7 @@ NECK, HEAD, HEAD_TOP, SPINE = UPPER55.joints("neck", "head", "head_top", "spine"
 
 
 @dataclass(frozen=True)
-class Figure:
+class Proportions:
     """A speaker's build, which unit vectors lack.
 
     lengths : (V,) mean lengths of the level table's bones, metres. rest : (55, 3) a pose with the speaker's bone
@@ -92,14 +92,14 @@ def mean_lengths(clips, table):
     return np.concatenate(lengths).mean(axis=0)
 
 
-def measure_figure(clips, table):
-    """The `Figure` of one speaker's clips, over all valid frames."""
+def measure_proportions(clips, table):
+    """The `Proportions` of one speaker's clips, over all valid frames."""
     positions = np.concatenate([clip.positions[clip.valid] for clip in clips]).astype(np.float64)
     axes = np.concatenate([head_axes(clip.positions, clip.rotation)[clip.valid] for clip in clips])
     rest = positions.mean(axis=0, keepdims=True)
     rest = Build.measure(positions).restored(rest - rest[:, [UPPER55.root]])[0]
     skull = positions[:, [NECK, HEAD_TOP]] - positions[:, [HEAD]]
-    return Figure(mean_lengths(clips, table), rest, np.einsum("tji,tpj->pi", axes, skull) / len(axes))
+    return Proportions(mean_lengths(clips, table), rest, np.einsum("tji,tpj->pi", axes, skull) / len(axes))
 
 
 def positions_from_vectors(vectors, lengths, table):

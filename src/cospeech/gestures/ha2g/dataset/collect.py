@@ -6,7 +6,7 @@ import numpy as np
 
 from cospeech.clip import Clip
 from cospeech.errors import CospeechError, notice
-from cospeech.gestures.ha2g.dataset.bones import bone_vectors, mean_lengths, measure_figure
+from cospeech.gestures.ha2g.dataset.bones import bone_vectors, mean_lengths, measure_proportions
 from cospeech.gestures.ha2g.dataset.corpus import FPS, FRAMES, SAMPLES, STRIDE, Corpus, check_rate
 from cospeech.gestures.ha2g.dataset.filters import Filters, mean_pose
 from cospeech.gestures.ha2g.dataset.levels import level_table
@@ -34,7 +34,7 @@ def collect(takes, levels="expressive43", *, filters=None, embeddings=None, refe
     ----------
     levels : name of the level table. filters : `Filters`, the released ones if None.
     embeddings : path of word vectors (see `embeddings`), or None: the networks then learn them from scratch.
-    references : {speaker: (K, side, side, 3) uint8 pictures} for networks that know speakers by their looks, or None.
+    references : {speaker: (K, side, side, 3) uint8 pictures} for networks that know speakers by them, or None.
     least : occurrences that a word needs to have a number. seed : of word vectors that the file lacks.
 
     Raises CospeechError when nothing is left to learn from; what the filters dropped is told, and in `Corpus.counts`.
@@ -56,7 +56,7 @@ def collect(takes, levels="expressive43", *, filters=None, embeddings=None, refe
     corpus = Corpus(
         table, list(kept), vocabulary, np.concatenate([p["vectors"][p["valid"]] for p in parts]).mean(axis=0).ravel(),
         mean_lengths([take.clip for take in listed], table),
-        {speaker: measure_figure(of_one, table) for speaker, of_one in clips.items()},
+        {speaker: measure_proportions(of_one, table) for speaker, of_one in clips.items()},
         _table_of_takes(kept, listed, parts), np.zeros(0, np.int64), np.zeros(0, np.int64),
         {name: np.concatenate([part[name] for part in parts]) for name in names}, counts,
         references={name: references[name] for name in kept} if references else {},

@@ -14,7 +14,7 @@ import numpy as np
 from cospeech.clip import put_strings
 from cospeech.errors import CospeechError
 from cospeech.files import put, reading_hdf5, writing_hdf5
-from cospeech.gestures.ha2g.dataset.bones import Figure
+from cospeech.gestures.ha2g.dataset.bones import Proportions
 from cospeech.gestures.ha2g.dataset.levels import included_angles, level_table
 from cospeech.gestures.ha2g.dataset.vocabulary import Vocabulary
 from cospeech.speech.mel import COLUMNS, HOP, S2G_COLUMNS, S2G_HOP, column_at
@@ -39,7 +39,7 @@ class Corpus:
     ----------
     levels : LevelTable. speakers : list of S names. vocabulary : Vocabulary of the training part.
     mean : (3V,) float32, of all valid frames' unit vectors. lengths : (V,) mean bone lengths of all, metres.
-    figures : {speaker: Figure}.
+    figures : {speaker: Proportions}.
     takes : {"name": list of "<speaker>/<clip>", "speaker": (K,) numbers, "frame", "column", "s2g_column", "sample":
         (K,), where each take begins in the arrays of that clock}.
     window_take, window_frame : (N,) each window's take, and its first frame in that.
@@ -187,7 +187,7 @@ class Corpus:
             vectors = file["vocabulary/vectors"][()] if "vocabulary/vectors" in file else None
             vocabulary = Vocabulary(tuple(text("vocabulary/words")), vectors)
             figures = {
-                name: Figure(**{part: value[()] for part, value in group.items()})
+                name: Proportions(**{part: value[()] for part, value in group.items()})
                 for name, group in file["figures"].items()
             }
             takes = {"name": text("takes/name")} | {k: v[()] for k, v in file["takes"].items() if k != "name"}

@@ -71,7 +71,7 @@ def take_reference_frames(subject, films, stretches, *, count=Settings.count, si
 
     Raises CospeechError when the speaker is seen in none of them, or a film is not the one that was tracked.
     """
-    seen = {take: _seen(films[take][1], stretches[take]) for take in films if stretches.get(take)}
+    seen = {take: _frames_of_speaker(films[take][1], stretches[take]) for take in films if stretches.get(take)}
     shares = evenly([len(frames) for frames, _ in seen.values()], count)
     if sum(shares) < count:
         if not sum(shares):
@@ -121,7 +121,7 @@ def _head_and_shoulders(body):
     return body.table.joints(*names), body.table.joints("left_shoulder", "right_shoulder")
 
 
-def _seen(track, stretches):
+def _frames_of_speaker(track, stretches):
     """Frames (n,) that lie whole in the stretches and show the speaker, and how sure that is, (n,)."""
     body = track.body
     if body is None or track.refused:

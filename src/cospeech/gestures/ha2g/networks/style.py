@@ -11,7 +11,7 @@ from torch import nn
 from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import LEVELS
 from cospeech.gestures.ha2g.networks.identity import IdentityEncoder
 
-LOOKS = 4  # reference frames of a speaker that are looked at in an iteration: as many as a window's seed poses
+PICTURES = 4  # reference frames of a speaker that are encoded in an iteration: as many as a window's seed poses
 
 
 class SpeakerStyle(nn.Module):
@@ -31,7 +31,7 @@ class SpeakerStyle(nn.Module):
 
 
 class FrameStyle(nn.Module):
-    """`SpeakerStyle` by looks: speaker weights (N, S) -> mean and log variance of the style vector, (N, size) each.
+    """`SpeakerStyle` by reference frames: weights (N, S) -> mean and log variance of the style vector, (N, size) each.
 
     While it is trained, it looks at a few random frames of each speaker that has a weight. From `eval()` on a speaker
     is the mean over all their frames; that is kept with the weights, the pictures are not.
@@ -49,9 +49,9 @@ class FrameStyle(nn.Module):
         if not self.training:
             return weights @ self.means, weights @ self.log_variances
         asked = weights.any(0).nonzero()[:, 0]
-        drawn = [self.pictures[i][torch.randint(len(self.pictures[i]), (LOOKS,))] for i in asked.tolist()]
-        looks = self.encoder(torch.cat(drawn).to(weights))
-        mean, log_variance = (of_frames.unflatten(0, (-1, LOOKS)).mean(1) for of_frames in looks)
+        drawn = [self.pictures[i][torch.randint(len(self.pictures[i]), (PICTURES,))] for i in asked.tolist()]
+        encoded = self.encoder(torch.cat(drawn).to(weights))
+        mean, log_variance = (of_frames.unflatten(0, (-1, PICTURES)).mean(1) for of_frames in encoded)
         return weights[:, asked] @ mean, weights[:, asked] @ log_variance
 
     def train(self, mode=True):
@@ -59,8 +59,8 @@ class FrameStyle(nn.Module):
         if not mode:
             with torch.no_grad():
                 for speaker, pictures in enumerate(self.pictures):
-                    looks = self.encoder(pictures.to(self.means))
-                    self.means[speaker], self.log_variances[speaker] = (of_frames.mean(0) for of_frames in looks)
+                    encoded = self.encoder(pictures.to(self.means))
+                    self.means[speaker], self.log_variances[speaker] = (of_frames.mean(0) for of_frames in encoded)
         return self
 
 
@@ -81,7 +81,7 @@ class StyleCoordinator(nn.Module):
 
     form : "linear", the paper's FC(18, 18) on the style vector (for six levels); "mlp", the released code's, which has
         an embedding of the speakers to itself: 16, 16, 32, 3 x levels with ELU.
-    speakers : how many have an embedding; 0 for none, where looks tell them apart: "mlp" then hears the style vector.
+    speakers : how many have an embedding; 0 for none, where pictures tell them apart: "mlp" then gets the style vector.
     audio_levels : those of `LEVELS` that may have a share (Table 3); same : one blend for all levels (Table 4).
     """
 
