@@ -73,7 +73,7 @@ def test_velocity_adversary_sees_changes_alone(toy_clips):
     task = GestureTask(toy_clips, settings, seed=0, model="velocity_gan")
     batch = task.pairs.sample(np.random.default_rng(0), 4)
     shifted = batch | {"body": batch["body"] + 0.3, "hands": batch["hands"] - 0.1}
-    seen, same = (task._seen(motion["features"], motion) for motion in (batch, shifted))
+    seen, same = (task._discriminator_inputs(motion["features"], motion) for motion in (batch, shifted))
     assert seen.shape == (4, 42 + 126, 64)
     torch.testing.assert_close(seen, same, atol=1e-4, rtol=0)
     bodies = [motion_to_vectors(clip.motion)["body"] for clip in toy_clips]

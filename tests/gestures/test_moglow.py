@@ -93,9 +93,9 @@ def test_sampling_undoes_the_whole_network(task):
     network = task.generator.eval().ready()
     real = {name: torch.from_numpy(array[None, :40].swapaxes(1, 2).copy())
             for name, array in task.pairs.windows.arrays.items()}  # fmt: skip
-    motion, heard = network.motion(real), network.heard(real["features"])
-    before = torch.zeros(1, SMALL.history, motion.shape[2]), torch.zeros(1, SMALL.history, heard.shape[2])
-    condition = network.condition(torch.cat([before[0], motion], 1), torch.cat([before[1], heard], 1))
+    motion, context = network.motion(real), network.speech_context(real["features"])
+    before = torch.zeros(1, SMALL.history, motion.shape[2]), torch.zeros(1, SMALL.history, context.shape[2])
+    condition = network.condition(torch.cat([before[0], motion], 1), torch.cat([before[1], context], 1))
     with torch.no_grad():
         noise, _ = network.flow(motion, condition)
         body, hands = network(real["features"], noise.transpose(1, 2))
@@ -138,17 +138,19 @@ def test_learns_what_belongs_together(task):
 def test_condition_sees_the_past_and_speech_ahead_alone(task):
     network = task.generator.eval()
     real = task.pairs.sample(np.random.default_rng(0), 1)
-    motion, heard = network.motion(real), network.heard(real["features"])
-    before = network.condition(motion, heard)
+    motion, context = network.motion(real), network.speech_context(real["features"])
+    before = network.condition(motion, context)
     later = motion.clone()
     later[:, 10] += 1
-    changed = (network.condition(later, heard) != before).any(-1)[0].nonzero()[:, 0] + SMALL.history
+    changed = (network.condition(later, context) != before).any(-1)[0].nonzero()[:, 0] + SMALL.history
     assert changed.tolist() == [11, 12, 13]
     features = real["features"].clone()
     features[:, :, 20] += 1
-    changed = (network.condition(motion, network.heard(features)) != before).any(-1)[0].nonzero()[:, 0] + SMALL.history
+    changed = (network.condition(motion, network.speech_context(features)) != before).any(-1)[0].nonzero()[
+        :, 0
+    ] + SMALL.history
     assert changed.tolist() == list(range(20 - SMALL.look_ahead, 20 + SMALL.history + 1))
-    dropped = network.condition(motion, heard, torch.zeros(1, before.shape[1], dtype=bool))
+    dropped = network.condition(motion, context, torch.zeros(1, before.shape[1], dtype=bool))
     assert (dropped[..., : SMALL.history * 168] == 0).all() and (dropped[..., SMALL.history * 168 :] != 0).any()
 
 
@@ -168,8 +170,8 @@ def test_samples_through_onnx(tmp_path, toy_clips):
     np.testing.assert_array_equal(one.positions, same.positions)
     assert np.abs(one.positions - other.positions).max() > 0.01
     noise = np.random.default_rng(0).standard_normal((3000, 168), dtype="f4")
-    heard = make_clip(6, 3000).features
-    whole, later = (sampler.network.run_long(features=heard[s:], noise=noise[s:])["body"] for s in (0, 37))
+    features = make_clip(6, 3000).features
+    whole, later = (sampler.network.run_long(features=features[s:], noise=noise[s:])["body"] for s in (0, 37))
     assert whole.shape == (3000, 42) and np.isfinite(whole).all()
     np.testing.assert_allclose(whole[37 + 500 :], later[500:], atol=1e-3)  # the same motion away from the start
     likeliest = [sampler.generate(features, seed=seed, temperature=0.0).positions for seed in (1, 2)]

@@ -31,9 +31,9 @@ def mismatched(clips):
 def _with_motion(clip, other):
     frames = min(clip.frames, other.frames)
     speech, moved = clip.section(0, frames), other.section(0, frames)
-    told = {name: getattr(moved, name) for name in ("positions", "rotation", "expression", "face_model", "root")}
+    motion = {name: getattr(moved, name) for name in ("positions", "rotation", "expression", "face_model", "root")}
     known = {"confidence": moved.confidence, "face_confidence": moved.face_confidence}
-    return replace(speech, generator="mismatched", valid=speech.valid & moved.valid, **told, **known)
+    return replace(speech, generator="mismatched", valid=speech.valid & moved.valid, **motion, **known)
 
 
 class Stretches:

@@ -104,7 +104,7 @@ class GestureTask:
         torch.manual_seed(seed)
         self.settings = settings
         self.pairs = Pairs(clips, settings.frames)
-        self.judged = ADVERSARIES[settings.adversary]
+        self.adversarial_inputs = ADVERSARIES[settings.adversary]
         changes = [torch.from_numpy(self.pairs.changes[name]) for name in ("body", "hands")]
         self.changes = torch.cat(changes)[:, None].to(device())
         widths = preset(settings.preset).scaled(settings.width)
@@ -114,8 +114,8 @@ class GestureTask:
         self.optimizers = {
             "generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate, betas, fused=True)
         }
-        if self.judged:
-            channels = sum(self.pairs.channels[name] for name in self.judged)
+        if self.adversarial_inputs:
+            channels = sum(self.pairs.channels[name] for name in self.adversarial_inputs)
             discriminator = Critic(channels, widths.critic, settings.frames).to(device())
             self.modules["discriminator"] = discriminator
             self.optimizers["discriminator"] = torch.optim.Adam(
@@ -130,36 +130,38 @@ class GestureTask:
     def iterate(self, step, rng):
         real = self.pairs.sample(rng, self.settings.batch)
         with autocast():
-            predicted = dict(zip(self.generator.parts, self.generator(self._heard(real["features"])), strict=True))
+            predicted = dict(
+                zip(self.generator.parts, self.generator(self._noisy_features(real["features"])), strict=True)
+            )
         predicted = {part: x.float() for part, x in predicted.items()}
         losses = {}
-        if self.judged:
+        if self.adversarial_inputs:
             losses["discriminator"] = self._update_discriminator(real, predicted)
         if step % self.settings.generator_every == 0:
             losses |= self._update_generator(real, predicted)
         return losses
 
-    def _heard(self, features):
+    def _noisy_features(self, features):
         """The features that the generator gets in training: with `feature_noise` deviations of noise."""
         noise = self.settings.feature_noise
         return features + noise * self.generator.features_deviation * torch.randn_like(features) if noise else features
 
-    def _seen(self, features, motion):
+    def _discriminator_inputs(self, features, motion):
         """What the discriminator judges, (B, C, T) z-scored; of velocities, the first frame's is 0."""
         given = {"features": features, **motion}
         if self.settings.adversary == "velocity":
-            seen = torch.cat([given[name].diff(dim=2) for name in self.judged], dim=1)
-            return F.pad(seen / self.changes, (1, 0))
-        return torch.cat([self.generator.standardized(name, given[name]) for name in self.judged], dim=1)
+            inputs = torch.cat([given[name].diff(dim=2) for name in self.adversarial_inputs], dim=1)
+            return F.pad(inputs / self.changes, (1, 0))
+        return torch.cat([self.generator.standardized(name, given[name]) for name in self.adversarial_inputs], dim=1)
 
-    def _logits(self, seen):
+    def _logits(self, inputs):
         with autocast():
-            return self.modules["discriminator"](seen).float()
+            return self.modules["discriminator"](inputs).float()
 
     def _update_discriminator(self, real, predicted):
         """Maximise log D(real) + log(1 - D(fake)): eq. 4.2 (IVA 2021 eq. 2)."""
-        true = self._seen(real["features"], real).requires_grad_(self.settings.r1 > 0)
-        fake = self._seen(real["features"], {part: x.detach() for part, x in predicted.items()})
+        true = self._discriminator_inputs(real["features"], real).requires_grad_(self.settings.r1 > 0)
+        fake = self._discriminator_inputs(real["features"], {part: x.detach() for part, x in predicted.items()})
         logits = self._logits(true)
         loss = F.softplus(-logits).mean() + F.softplus(self._logits(fake)).mean()
         total = loss
@@ -172,8 +174,10 @@ class GestureTask:
     def _update_generator(self, real, predicted):
         """Eq. 4.3 (IVA 2021 eq. 3), whose min and max are swapped in print; log(1 - D) in its non-saturating form."""
         terms = reconstruction_losses(predicted, real)
-        if self.judged:
-            terms["adversarial"] = F.softplus(-self._logits(self._seen(real["features"], predicted))).mean()
+        if self.adversarial_inputs:
+            terms["adversarial"] = F.softplus(
+                -self._logits(self._discriminator_inputs(real["features"], predicted))
+            ).mean()
         weighted = {name: self.settings.weights[name] * term for name, term in terms.items()}
         descend(self, "generator", sum(weighted.values()))
         return {name: term.detach() for name, term in weighted.items()}

@@ -38,21 +38,21 @@ class RecurrentNetwork(MotionNetwork):
 
     def __init__(self, pairs, settings):
         super().__init__(pairs)
-        heard = pairs.channels["features"]
+        features = pairs.channels["features"]
         self.delay = settings.delay
         self.memories = nn.ModuleDict(
-            {part: nn.LSTM(heard, settings.hidden, settings.layers, batch_first=True) for part in self.parts}
+            {part: nn.LSTM(features, settings.hidden, settings.layers, batch_first=True) for part in self.parts}
         )
         self.dropout = nn.Dropout(settings.dropout)
         self.heads = nn.ModuleDict({part: nn.Linear(settings.hidden, pairs.channels[part]) for part in self.parts})
 
     def forward(self, features):
-        heard = self.standardized("features", features).transpose(1, 2)
-        heard = torch.cat([heard, heard[:, -1:].expand(-1, self.delay, -1)], dim=1)
-        return tuple(self.measured(part, self._answer(part, heard)) for part in self.parts)
+        features = self.standardized("features", features).transpose(1, 2)
+        features = torch.cat([features, features[:, -1:].expand(-1, self.delay, -1)], dim=1)
+        return tuple(self.measured(part, self._answer(part, features)) for part in self.parts)
 
-    def _answer(self, part, heard):
-        remembered, _ = self.memories[part](heard)
+    def _answer(self, part, features):
+        remembered, _ = self.memories[part](features)
         return self.heads[part](self.dropout(remembered[:, self.delay :])).transpose(1, 2)
 
 

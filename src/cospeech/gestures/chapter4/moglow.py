@@ -60,7 +60,7 @@ class Settings(Section, section="moglow"):
 
 
 def averaged(signal, fps):
-    """A control signal (T,) as the network is told it: mean over the `AVERAGED` seconds around each frame."""
+    """A control signal (T,) as the network gets it: mean over the `AVERAGED` seconds around each frame."""
     return uniform_filter1d(np.asarray(signal, np.float64), max(1, round(AVERAGED * fps)), mode="nearest")
 
 
@@ -83,12 +83,12 @@ class MoGlow(MotionNetwork):
         self.parts = list(MOTION)
         self.sizes = [pairs.channels[part] for part in MOTION]
         self.settings, channels = settings, sum(self.sizes)
-        self.told = [name for name in ("features", "control") if name in pairs.channels]
-        told = sum(pairs.channels[name] for name in self.told)
-        heard = told * (settings.history + 1 + settings.look_ahead)
-        told = heard + settings.history * channels
-        self.flow = Flow(channels, told, settings.hidden, settings.flows)
-        self.register_buffer("prediction", torch.zeros(told, channels))
+        self.conditions = [name for name in ("features", "control") if name in pairs.channels]
+        given = sum(pairs.channels[name] for name in self.conditions)
+        context = given * (settings.history + 1 + settings.look_ahead)
+        condition = context + settings.history * channels
+        self.flow = Flow(channels, condition, settings.hidden, settings.flows)
+        self.register_buffer("prediction", torch.zeros(condition, channels))
 
     def ready(self):
         """Prepare for sampling: invert the linear mixes, once."""
@@ -96,10 +96,10 @@ class MoGlow(MotionNetwork):
             self.register_buffer("inverses", self.flow.inverses(), persistent=False)
         return self
 
-    def heard(self, features, control=None):
+    def speech_context(self, features, control=None):
         """z-scored speech, and control, around every frame: (B, 28, T) -> (B, T, (history + 1 + look_ahead) * 28)."""
         given = {"features": features, "control": control}
-        standardized = torch.cat([self.standardized(name, given[name]) for name in self.told], dim=1)
+        standardized = torch.cat([self.standardized(name, given[name]) for name in self.conditions], dim=1)
         around = F.pad(standardized, (self.settings.history, self.settings.look_ahead), mode="replicate")
         count, frames = self.settings.history + 1 + self.settings.look_ahead, features.shape[2]
         return torch.cat([around[:, :, i : i + frames] for i in range(count)], dim=1).transpose(1, 2)
@@ -108,18 +108,18 @@ class MoGlow(MotionNetwork):
         """z-scored body and hands {part: (B, C, T)} -> (B, T, 168)."""
         return torch.cat([self.standardized(part, real[part]) for part in MOTION], dim=1).transpose(1, 2)
 
-    def condition(self, motion, heard, kept=None):
+    def condition(self, motion, context, kept=None):
         """(B, T, C) of frames history..T of a sequence; kept (B, T - history) bool: frames that see their past."""
         history, frames = self.settings.history, motion.shape[1]
         past = torch.cat([motion[:, i : frames - history + i] for i in range(history)], dim=2)
         if kept is not None:
             past = past * kept[..., None]
-        return torch.cat([past, heard[:, history:]], dim=2)
+        return torch.cat([past, context[:, history:]], dim=2)
 
     def log_likelihood(self, real):
         """Mean log-likelihood in nats a frame of {name: (B, C, T)}, given the first `history` frames."""
         motion = self.motion(real)
-        condition = self.condition(motion, self.heard(*(real[name] for name in self.told)))
+        condition = self.condition(motion, self.speech_context(*(real[name] for name in self.conditions)))
         return self.flow.log_likelihood(self.left(motion, condition), condition).mean(1)
 
     def left(self, motion, condition):
@@ -127,7 +127,7 @@ class MoGlow(MotionNetwork):
         return motion[:, self.settings.history :] - condition @ self.prediction
 
     def forward(self, features, noise, control=None):
-        heard = self.heard(features, control)
+        context = self.speech_context(features, control)
         start = noise[:, :, 0] * 0  # zeros of the right size: the mean pose, and empty memories
         states = start[:, :1].expand(-1, self.settings.hidden)[None, None].expand(
             self.settings.flows, 2 * LAYERS, -1, -1)  # fmt: skip
@@ -135,13 +135,13 @@ class MoGlow(MotionNetwork):
 
         def frame(carry, given):
             past, states = carry
-            heard, z = given
-            condition = torch.cat([past, heard], dim=1)
+            context, z = given
+            condition = torch.cat([past, context], dim=1)
             x, states = self.flow.inverse_step(z, condition, states, self.inverses)
             x = x + condition @ self.prediction
             return (torch.cat([past[:, x.shape[1] :], x], dim=1), states), x.clone()
 
-        _, x = scan(frame, (past, states.contiguous()), (heard.transpose(0, 1), noise.permute(2, 0, 1)))
+        _, x = scan(frame, (past, states.contiguous()), (context.transpose(0, 1), noise.permute(2, 0, 1)))
         parts = x.permute(1, 2, 0).split(self.sizes, dim=1)
         return tuple(self.measured(part, values) for part, values in zip(MOTION, parts, strict=True))
 
@@ -171,10 +171,10 @@ class MoGlowTask:
     def _fit(self, rng):
         """Data-dependent first values: the prediction, if any, and the activation normalisations."""
         if self.settings.linear:
-            told, frames = self.generator.prediction.shape[0], self.settings.batch * self.settings.frames
-            batches = [self._batch(rng) for _ in range(-(-PREDICTED * told // frames))]
+            size, frames = self.generator.prediction.shape[0], self.settings.batch * self.settings.frames
+            batches = [self._batch(rng) for _ in range(-(-PREDICTED * size // frames))]
             rows = [torch.cat([batch[i].flatten(0, 1) for batch in batches]) for i in (0, 1)]
-            ridge = RIDGE * len(rows[1]) * torch.eye(told, device=device())
+            ridge = RIDGE * len(rows[1]) * torch.eye(size, device=device())
             self.generator.prediction.copy_(torch.linalg.solve(rows[1].T @ rows[1] + ridge, rows[1].T @ rows[0]))
         left, condition = self._batch(rng)
         with torch.no_grad():
@@ -183,11 +183,11 @@ class MoGlowTask:
     def _batch(self, rng):
         network, settings = self.generator, self.settings
         real = self.pairs.sample(rng, settings.batch)
-        motion, heard = network.motion(real), network.heard(*(real[name] for name in network.told))
+        motion, context = network.motion(real), network.speech_context(*(real[name] for name in network.conditions))
         motion = motion + settings.noise * torch.randn_like(motion)
-        heard = heard + settings.noise * torch.randn_like(heard)
+        context = context + settings.noise * torch.randn_like(context)
         kept = torch.rand(motion.shape[0], motion.shape[1] - settings.history, device=motion.device)
-        condition = network.condition(motion, heard, kept >= settings.pose_dropout)
+        condition = network.condition(motion, context, kept >= settings.pose_dropout)
         return network.left(motion, condition), condition
 
     def rate(self, step):
@@ -211,8 +211,8 @@ class MoGlowTask:
 
     def export(self):
         """What is kept: (module in eval mode on the CPU, {input: example (B, C, T)}, output names)."""
-        heard, channels = self.pairs.channels["features"], sum(self.generator.sizes)
-        example = {"features": torch.randn(1, heard, 24), "noise": torch.randn(1, channels, 24)}
-        if "control" in self.generator.told:
+        features, channels = self.pairs.channels["features"], sum(self.generator.sizes)
+        example = {"features": torch.randn(1, features, 24), "noise": torch.randn(1, channels, 24)}
+        if "control" in self.generator.conditions:
             example["control"] = self.generator.control_mean.cpu() + torch.zeros(1, 1, 24)
         return self.generator.cpu().eval().ready(), example, self.generator.parts
