@@ -16,8 +16,8 @@ from cospeech.matching.resync.refine import Resynchronizer
 from cospeech.matching.resync.window_pairs import relative
 from tests.conftest import make_clip
 
-TOLD = ["left_wrist_height", "left_wrist_speed", "symmetry"]
-SMALL = {"steps": 60, "batch": 8, "width": 0.06, "stride": 20, "learning_rate": 1e-3, "condition": TOLD}
+CHOSEN = ["left_wrist_height", "left_wrist_speed", "symmetry"]
+SMALL = {"steps": 60, "batch": 8, "width": 0.06, "stride": 20, "learning_rate": 1e-3, "condition": CHOSEN}
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_the_loss_is_the_distance_of_the_signals(toy_clips, database):
     matched = task.generator.joined(x["features"], x["matched"])
     with torch.no_grad():  # batch norm in training mode: the same batch gives the same motion
         motion = task.generator.refine(matched) * task.generator.motion_deviation + task.generator.motion_mean
-    signals = Conditions(TOLD, 15.0)
+    signals = Conditions(CHOSEN, 15.0)
     deviation = task.generator.condition_deviation
     expected = ((signals(motion) - signals(x["matched"])) / deviation).abs().mean()
     assert task._update_generator(matched)["condition"].item() == pytest.approx(expected.item(), rel=1e-4)
@@ -75,4 +75,4 @@ def test_a_conditioned_network_has_the_same_inputs(toy_clips, database, tmp_path
     )
     generator = Resynchronizer(KNN(database), tmp_path / "model.onnx", 1)
     assert generator.generate(make_clip(9, 75).features, seed=2).positions.shape == (75, 55, 3)
-    assert generator.network.description["settings"]["condition"] == TOLD
+    assert generator.network.description["settings"]["condition"] == CHOSEN

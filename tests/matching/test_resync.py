@@ -194,10 +194,10 @@ def test_the_most_balanced_generator_is_kept_from_iteration_10000_on():
     generator = torch.nn.Linear(1, 1)
     kept = Kept(generator)
     seen = []
-    looks = ((9000, 0.1), (10_000, -3.0), (10_500, 0.0), (11_000, 5.0), (12_000, 2.0))
-    for step, difference in looks:
+    iterations = ((9000, 0.1), (10_000, -3.0), (10_500, 0.0), (11_000, 5.0), (12_000, 2.0))
+    for step, difference in iterations:
         torch.nn.init.constant_(generator.weight, step)
-        kept.look(step, generator, torch.tensor(difference))
+        kept.update(step, generator, torch.tensor(difference))
         seen.append((kept.imbalance.item(), kept.generator.weight.item()))
     assert seen[0][0] == np.inf
     assert seen[1:] == [(3.0, 10_000), (3.0, 10_000), (3.0, 10_000), (2.0, 12_000)]

@@ -16,12 +16,12 @@ def trace_of(match, **settings):
     `pose_distance`, `audio_distance`, `candidates` (clips left by the controls, or gestures of a keyword), `control`
     and `widened` (texts: what the frame follows, and the step it took to find any). -1 where there is none.
     """
-    window, ahead = np.divmod(np.arange(match.frames), WINDOW)
+    window, offset = np.divmod(np.arange(match.frames), WINDOW)
     columns = {name: getattr(match, name)[window] for name in NUMBERS}
-    columns["frame"] = np.where(columns["clip"] < 0, -1, columns["frame"] + ahead)
+    columns["frame"] = np.where(columns["clip"] < 0, -1, columns["frame"] + offset)
     over = columns["frame"] >= match.database.clip_frames  # a keyword's gesture may go on in the next clip
     columns["clip"], columns["frame"] = columns["clip"] + over, columns["frame"] - over * match.database.clip_frames
-    columns["time"] = match.time[window] + ahead / match.database.fps
+    columns["time"] = match.time[window] + offset / match.database.fps
     texts = {"take": match.take, "control": [""] * len(match.clip), "widened": [""] * len(match.clip)}
     columns["candidates"] = np.full(match.frames, clips_of(match.database.eligible))
     if isinstance(match, ControlledMatch):

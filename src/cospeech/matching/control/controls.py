@@ -12,7 +12,7 @@ import numpy as np
 
 from cospeech.errors import CospeechError, notice
 from cospeech.matching.control.signals import SIGNALS
-from cospeech.matching.database.descriptors import WINDOW, ahead
+from cospeech.matching.database.descriptors import WINDOW, shift
 
 OUTER = 85  # percentile of the upper levels; the lower ones have 100 - 85 = 15 (thesis Table 5.3)
 NUMBER = r"(?:\d+\.?\d*|\.\d+)"
@@ -160,7 +160,7 @@ class Control:
         """(M, F) bool: where a window may start; one that leaves its clip goes on in the next."""
         frames = self.wanted.frames(signals, widened)
         tested = range(1, WINDOW) if self.strict else (WINDOW - 1,)
-        return reduce(np.logical_and, (ahead(frames, count) for count in tested), frames)
+        return reduce(np.logical_and, (shift(frames, count) for count in tested), frames)
 
 
 class _Terms:

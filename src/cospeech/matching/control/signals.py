@@ -181,8 +181,8 @@ def signal_values(name, compute, database, known=()):
 def covered_frames(eligible):
     """(M, F) bool -> (M, F) bool: the frames that can be generated, those of every eligible window."""
     covered = eligible.copy()
-    for ahead in range(1, WINDOW):
-        covered[:, ahead:] |= eligible[:, :-ahead]
+    for shift in range(1, WINDOW):
+        covered[:, shift:] |= eligible[:, :-shift]
     return covered
 
 

@@ -29,7 +29,7 @@ class StepSignals:
 
 
 @cache
-def looks_back(signal):
+def needs_previous(signal):
     """Whether a `Signal` depends on the frame before, as speeds do; False for one whose function is not here."""
     if signal.compute is None:
         return False
@@ -44,7 +44,7 @@ def tested(controls):
     return [
         control
         for control in controls
-        if control.strict and any(looks_back(SIGNALS[b.signal]) for b in bounds(control))
+        if control.strict and any(needs_previous(SIGNALS[b.signal]) for b in bounds(control))
     ]
 
 

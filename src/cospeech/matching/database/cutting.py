@@ -18,8 +18,8 @@ from cospeech.matching.database.descriptors import (
     STATIC,
     WINDOW,
     joints_of,
-    look_ahead,
-    real_ahead,
+    real_lookahead,
+    with_lookahead,
 )
 from cospeech.skeleton import UPPER55, Build
 
@@ -59,8 +59,8 @@ class Parts:
                 continue
             joints = joints_of(self.positions[begin:end].reshape(-1, *self.positions.shape[2:]))
             speech = self.speech[begin:end].reshape(-1, STATIC)
-            pose = look_ahead(np.concatenate([joints, self.joints_after[i]]), POSE_STEPS)[: len(joints)]
-            audio = look_ahead(np.concatenate([speech, self.speech_after[i]]), AUDIO_STEPS)[: len(speech)]
+            pose = with_lookahead(np.concatenate([joints, self.joints_after[i]]), POSE_STEPS)[: len(joints)]
+            audio = with_lookahead(np.concatenate([speech, self.speech_after[i]]), AUDIO_STEPS)[: len(speech)]
             shape = self.real[begin:end].shape
             yield i, pose.reshape(*shape, -1), audio.reshape(*shape, -1), self.real[begin:end]
 
@@ -74,7 +74,7 @@ def parts_of(take, positions, features, valid, rotation, start, words, clip_fram
     after = np.minimum(np.arange(kept, kept + LOOKAHEAD), len(positions) - 1)
     return Parts(
         cut(positions).astype(np.float32), None if rotation is None else cut(rotation).astype(np.float32),
-        cut(real_ahead(valid)), cut(features[:, :STATIC]).astype(np.float32),
+        cut(real_lookahead(valid)), cut(features[:, :STATIC]).astype(np.float32),
         joints_of(positions[after])[None].astype(np.float32), features[after, :STATIC][None].astype(np.float32),
         np.array([whole], np.int32), build.bone_lengths[None].astype(np.float32),
         build.palms[None].astype(np.float32),

@@ -22,12 +22,12 @@ CONSTANT = 1e-5  # a dimension that deviates less (metres, or MFCC units) carrie
 
 def pose_features(positions):
     """(T, 55, 3) metres -> (T, 96): 8 joints x 3 axes at t, t+2, t+4, t+6. Past the end the last frame is repeated."""
-    return look_ahead(joints_of(positions), POSE_STEPS)
+    return with_lookahead(joints_of(positions), POSE_STEPS)
 
 
 def audio_features(features):
     """(T, 28) speech features -> (T, 112): 14 values at t, t+2, ..., t+14. Past the end the last frame is repeated."""
-    return look_ahead(features[:, :STATIC], AUDIO_STEPS)
+    return with_lookahead(features[:, :STATIC], AUDIO_STEPS)
 
 
 def joints_of(positions):
@@ -35,20 +35,20 @@ def joints_of(positions):
     return positions[:, JOINTS].reshape(len(positions), -1)
 
 
-def look_ahead(values, steps):
+def with_lookahead(values, steps):
     """(T, C) -> (T, len(steps) C): each frame beside those so many frames after it, the last one repeated."""
     frames = np.minimum(np.arange(len(values))[:, None] + steps, len(values) - 1)
     return values[frames].reshape(len(values), -1)
 
 
-def ahead(frames, count):
+def shift(frames, count):
     """(M, F) bool -> (M, F) bool: what holds `count` frames later, beyond a clip's end in the next clip; else False."""
     later = np.zeros_like(frames)
     later.flat[: frames.size - count] = frames.flat[count:]
     return later
 
 
-def real_ahead(valid):
+def real_lookahead(valid):
     """(T,) bool -> (T,) bool: this frame and all LOOKAHEAD frames after it exist and are valid.
 
     Such a frame's two features are real, and so are the 8 frames from it and the pose feature of the last of them.

@@ -23,8 +23,8 @@ def usable_frames(database):
     _, ends = stretches(database)
     starts = np.flatnonzero(database.real)
     last = ends[starts // database.clip_frames] - 1
-    for ahead in range(LOOKAHEAD + 1):
-        usable[np.minimum(starts + ahead, last)] = True
+    for shift in range(LOOKAHEAD + 1):
+        usable[np.minimum(starts + shift, last)] = True
     return usable
 
 

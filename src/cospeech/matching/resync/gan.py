@@ -131,8 +131,8 @@ class ResyncNetwork(ZScored):
         widths, layers = preset(settings.widths).scaled(settings.width), LAYERS[settings.layers]
         self.residual = settings.residual
         self.conditions = Conditions(settings.condition, fps) if settings.condition else None
-        told = channels + len(settings.condition) + MOTION_CHANNELS
-        self.encoder = Encoder(told, widths.encoder, layers["activation"], layers["pool"])
+        inputs = channels + len(settings.condition) + MOTION_CHANNELS
+        self.encoder = Encoder(inputs, widths.encoder, layers["activation"], layers["pool"])
         self.decoder = Decoder(
             MOTION_CHANNELS, widths.encoder, widths.decoder, layers["activation"], layers["convolutions_last"]
         )
@@ -197,7 +197,7 @@ class Kept(nn.Module):
         self.generator = deepcopy(generator).requires_grad_(False)
         self.register_buffer("imbalance", torch.tensor(float("inf")))
 
-    def look(self, step, generator, wasserstein):
+    def update(self, step, generator, wasserstein):
         """Keep the generator if it is the turn of this iteration, and the critic's difference the smallest."""
         if step >= BALANCE_FROM and step % BALANCE_EVERY == 0 and wasserstein.abs() < self.imbalance:
             self.imbalance.copy_(wasserstein.abs())
@@ -252,7 +252,7 @@ class ResyncTask:
         matched = torch.cat([real[:, :-MOTION_CHANNELS], tensors["matched"]], dim=1)
         losses = self._update_critic(matched, real)
         if "kept" in self.modules:
-            self.modules["kept"].look(step, self.generator, losses["wasserstein"])
+            self.modules["kept"].update(step, self.generator, losses["wasserstein"])
         if step % self.settings.critic_iterations == 0:
             losses |= self._update_generator(matched)
         return losses

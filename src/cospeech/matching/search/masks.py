@@ -3,7 +3,7 @@
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.matching.database.descriptors import WINDOW, ahead
+from cospeech.matching.database.descriptors import WINDOW, shift
 
 
 class Masks:
@@ -50,7 +50,7 @@ class Masks:
         return self._both_ends(mask)
 
     def _both_ends(self, mask):
-        return self.database.eligible & mask & ahead(mask, WINDOW - 1)
+        return self.database.eligible & mask & shift(mask, WINDOW - 1)
 
 
 def _row(mask, window):

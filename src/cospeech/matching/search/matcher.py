@@ -7,7 +7,7 @@ ones). Distances are decided in float64; ties go to the lower clip, then to the 
 import numpy as np
 
 from cospeech.errors import CospeechError
-from cospeech.matching.database.descriptors import POSE_WIDTH, WINDOW, ahead, audio_features
+from cospeech.matching.database.descriptors import POSE_WIDTH, WINDOW, audio_features, shift
 from cospeech.matching.search.masks import Masks
 from cospeech.matching.search.match import STEP, Match
 from cospeech.matching.search.queries import check_options, checked, tell
@@ -207,7 +207,7 @@ class Matcher:
         rows, before = self._compared(variant)
         angular = rows[-1]
         pair = tuple(reversed(queries)) if angular else queries
-        where = ahead(allowed, before) if before else allowed, self.database.take, self._first_frame + before
+        where = shift(allowed, before) if before else allowed, self.database.take, self._first_frame + before
         found = np.zeros((len(k), 4), np.int64)
         for i in range(0, len(k), BATCH):
             part = slice(i, i + BATCH)

@@ -87,26 +87,26 @@ def cross_fade_rotation(one, other, share):
 def inertialized(positions, frames, fps):
     """Motion (T, 55, 3) whose seams lie before `frames`, as transitions: -> (T, 55, 3)."""
     bones, lengths, root = _bones(positions)
-    made = bones.copy()
-    for begin, end in _spans(frames, len(made), fps):
-        before = _turn(made[begin - 2], made[begin - 1]) if begin > 1 else np.zeros(bones.shape[1:])
+    moved = bones.copy()
+    for begin, end in _spans(frames, len(moved), fps):
+        before = _turn(moved[begin - 2], moved[begin - 1]) if begin > 1 else np.zeros(bones.shape[1:])
         after = _turn(bones[begin], bones[begin + 1]) if end - begin > 1 else before
-        offset = _turn(bones[begin], _turned(made[begin - 1], before))
-        made[begin:end] = _turned(bones[begin:end], _decaying(offset, before - after, end - begin, fps))
-    return _joined(made * lengths, root, positions.dtype)
+        offset = _turn(bones[begin], _turned(moved[begin - 1], before))
+        moved[begin:end] = _turned(bones[begin:end], _decaying(offset, before - after, end - begin, fps))
+    return _joined(moved * lengths, root, positions.dtype)
 
 
 def inertialized_rotation(rotation, frames, fps):
     """The same for head rotations: (T, 3) axis-angle -> (T, 3)."""
-    target, made = Rotation.from_rotvec(rotation), rotation.astype(float)
-    for begin, end in _spans(frames, len(made), fps):
-        last = Rotation.from_rotvec(made[begin - 1])
-        before = (last * Rotation.from_rotvec(made[begin - 2]).inv()).as_rotvec() if begin > 1 else np.zeros(3)
+    target, moved = Rotation.from_rotvec(rotation), rotation.astype(float)
+    for begin, end in _spans(frames, len(moved), fps):
+        last = Rotation.from_rotvec(moved[begin - 1])
+        before = (last * Rotation.from_rotvec(moved[begin - 2]).inv()).as_rotvec() if begin > 1 else np.zeros(3)
         after = (target[begin + 1] * target[begin].inv()).as_rotvec() if end - begin > 1 else before
         offset = (Rotation.from_rotvec(before) * last * target[begin].inv()).as_rotvec()
         extra = Rotation.from_rotvec(_decaying(offset, before - after, end - begin, fps))
-        made[begin:end] = (extra * target[begin:end]).as_rotvec()
-    return made.astype(rotation.dtype)
+        moved[begin:end] = (extra * target[begin:end]).as_rotvec()
+    return moved.astype(rotation.dtype)
 
 
 def _spans(frames, total, fps):

@@ -70,14 +70,14 @@ class Similarity:
         """
         if fingerprint(database) != self.description["database"]:
             raise CospeechError("learned audio rank: trained on another database; train it again")
-        seen = np.zeros((*database.real.shape, self.description["settings"]["embedding"]), np.float32)
+        embeddings = np.zeros((*database.real.shape, self.description["settings"]["embedding"]), np.float32)
         clips, frames = usable(database)
         for i in range(0, len(clips), BLOCK):
             clip, frame = clips[i : i + BLOCK], frames[i : i + BLOCK]
-            seen[clip, frame] = self.embed("motion", motion_windows(database, clip, frame))
+            embeddings[clip, frame] = self.embed("motion", motion_windows(database, clip, frame))
         normal = database.audio_normalization
         learned = LearnedNormalization(normal.mean, normal.std, self)
-        return replace(database, audio=seen, audio_normalization=learned, kept={})
+        return replace(database, audio=embeddings, audio_normalization=learned, kept={})
 
     def save(self, path):
         """Write as safetensors with the description in the header."""
@@ -152,9 +152,9 @@ def _task(database, settings):
         def iterate(self, step, rng):
             which = rng.integers(len(self.clip), size=settings.batch)
             clip, frame = self.clip[which], self.frame[which]
-            seen = {"audio": database.audio[clip, frame], "motion": motion_windows(database, clip, frame)}
+            inputs = {"audio": database.audio[clip, frame], "motion": motion_windows(database, clip, frame)}
             one, two = (
-                F.normalize(self.towers[name](torch.as_tensor(seen[name], device=device())), dim=1) for name in TOWERS
+                F.normalize(self.towers[name](torch.as_tensor(inputs[name], device=device())), dim=1) for name in TOWERS
             )
             cosines, right = one @ two.T / settings.temperature, torch.arange(len(one), device=device())
             loss = (F.cross_entropy(cosines, right) + F.cross_entropy(cosines.T, right)) / 2

@@ -27,20 +27,20 @@ class Stream:
         self._k, self._excluded = np.array([k]), np.array([matcher.span(exclude_take)], np.int64)
         self._pose = matcher.initial(initial, [seed], self._masks)
         self._step = matcher.stepper(variant, len(matcher.database) > COMPILED_CLIPS)
-        self._heard = np.zeros((0, FEATURES), np.float32)  # from the first frame of the next window on
+        self._features = np.zeros((0, FEATURES), np.float32)  # from the first frame of the next window on
         self._fed = 0
         self._found = np.zeros(0, STEP)
 
     def feed(self, features):
         """(n, 28) further speech features, any n -> Match of the windows that are now certain (perhaps none)."""
         features = checked(features, empty=True)
-        self._heard = np.concatenate([self._heard, features])
+        self._features = np.concatenate([self._features, features])
         self._fed += len(features)
-        return self._advance(max(0, (len(self._heard) - LOOKAHEAD - 1) // WINDOW + 1))
+        return self._advance(max(0, (len(self._features) - LOOKAHEAD - 1) // WINDOW + 1))
 
     def finish(self):
         """The speech is over -> Match of the remaining windows, the last one cut to the speech's end."""
-        return self._advance(-(-len(self._heard) // WINDOW))
+        return self._advance(-(-len(self._features) // WINDOW))
 
     @property
     def latency_seconds(self):
@@ -58,12 +58,12 @@ class Stream:
 
     def _advance(self, windows):
         done, database = len(self._found), self.matcher.database
-        frames = min(windows * WINDOW, len(self._heard))
-        audio = self.matcher.query_features(self._heard, frames) if windows else ()
+        frames = min(windows * WINDOW, len(self._features))
+        audio = self.matcher.query_features(self._features, frames) if windows else ()
         for query in audio:
             found = self._step(self._masks, len(self._found), self._pose, query[None], self._k, self._excluded)
             self._found = np.concatenate([self._found, found])
             self._pose = database.pose_after(found["clip"], found["frame"])
         tell(self._found["unmasked"][done:], done)
-        self._heard = self._heard[frames:]
+        self._features = self._features[frames:]
         return Match.of(database, self._found[done:], frames)
