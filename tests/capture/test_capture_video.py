@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cospeech.capture.film.decoding import open_film
-from cospeech.capture.film.prefetch import ahead
+from cospeech.capture.film.prefetch import prefetch
 from cospeech.errors import CospeechError, CospeechNotice
 from cospeech.speech import load_audio
 from tests.capture.films import numbered, numbers, textured, write_film, write_live
@@ -158,7 +158,7 @@ def test_decoding_runs_ahead_by_a_bounded_number_of_items():
             made.append(i)
             yield i
 
-    consumer = ahead(items(), 4)
+    consumer = prefetch(items(), 4)
     assert next(consumer) == 0
     deadline = time.monotonic() + 5
     while len(made) < 6 and time.monotonic() < deadline:
@@ -175,7 +175,7 @@ def test_exceptions_of_the_thread_arrive_at_the_consumer():
         yield 1
         raise CospeechError("broken")
 
-    consumer = ahead(items(), 2)
+    consumer = prefetch(items(), 2)
     assert next(consumer) == 1
     with pytest.raises(CospeechError, match="broken"):
         next(consumer)

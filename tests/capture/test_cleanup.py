@@ -137,9 +137,9 @@ def test_an_outlier_is_removed_and_marked_however_confident_it_was(gate, setting
 
 
 def test_a_joint_that_2d_and_3d_disagree_about_is_dropped():
-    sight = assemble(make_track())
+    observed = assemble(make_track())
     body = slice(0, 13)
-    arguments = sight.positions[:, body], sight.pixels[:, body].copy(), sight.seen[:, body], 0.6
+    arguments = observed.positions[:, body], observed.pixels[:, body].copy(), observed.seen[:, body], 0.6
     assert not agreement_gate(*arguments).any()
     arguments[1][10:20, J["right_wrist"]] += 400
     wrong = agreement_gate(*arguments)

@@ -8,7 +8,7 @@ from person import J, make_track, positions
 from cospeech.capture.cleanup.assemble import assemble
 from cospeech.capture.cleanup.clean import Cleanup, clean
 from cospeech.capture.cleanup.gates import robust_bones
-from cospeech.capture.cleanup.quality import Quality, bone_deviation, jitter, judge
+from cospeech.capture.cleanup.quality import Quality, bone_deviation, jitter, quality_of
 from cospeech.errors import CospeechError
 from cospeech.skeleton import LEFT_HAND
 
@@ -49,9 +49,9 @@ def test_a_take_is_judged_and_read_back_with_the_promised_names(tmp_path):
     track = make_track(seconds=6.0, noise=0.01)
     track.left_hand.observed[60:70] = False
     track.left_hand.observed[100:130] = False
-    sight = assemble(track)
-    cleaned = clean(sight, 30.0, 90, settings=Cleanup())
-    quality = judge(cleaned, sight, 30.0, 15.0, subject="s", clip="c", backend="truth", licence_note="n")
+    observed = assemble(track)
+    cleaned = clean(observed, 30.0, 90, settings=Cleanup())
+    quality = quality_of(cleaned, observed, 30.0, 15.0, subject="s", clip="c", backend="truth", licence_note="n")
     for part in ("body", "left_hand", "right_hand"):
         shares = quality.observed[part] + quality.interpolated[part] + quality.excluded[part]
         assert shares == pytest.approx(1.0)

@@ -130,13 +130,13 @@ def test_squares_of_the_runner_and_their_way_back():
     """A picture whose colours are its coordinates: every pixel of a square says where it came from, turned or not."""
     rows, columns = np.mgrid[:200, :250]
     picture = np.stack([columns, rows, 0 * rows], -1).astype(np.uint8)
-    for ahead in ((0.0, -1.0), (3.0, -4.0), (-1.0, 0.2)):
-        square, back = cut(picture, np.array([120.0, 100.0]), 60.0, ahead)
+    for direction in ((0.0, -1.0), (3.0, -4.0), (-1.0, 0.2)):
+        square, back = cut(picture, np.array([120.0, 100.0]), 60.0, direction)
         x, y = np.meshgrid(np.arange(60), np.arange(60))
         origin = np.stack([x, y], -1) @ back[:, :2].T + back[:, 2]
         np.testing.assert_allclose(square[..., :2], origin, atol=1.0)
         up = back[:, :2] @ [0, -1]
-        np.testing.assert_allclose(up, np.array(ahead) / np.hypot(*ahead), atol=1e-6)  # ahead is up in the square
+        np.testing.assert_allclose(up, np.array(direction) / np.hypot(*direction), atol=1e-6)  # it is up in the square
         assert np.linalg.det(back[:, :2]) == pytest.approx(1)  # and nothing is mirrored
     assert cut(picture, np.array([-200.0, 0.0]), 60.0) == cut(picture, np.array([9.0, 9.0]), 5.0) == (None, None)
 

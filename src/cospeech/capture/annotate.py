@@ -6,7 +6,7 @@ import numpy as np
 
 from cospeech.capture.cleanup.assemble import HANDS, assemble, in_metres
 from cospeech.capture.cleanup.clean import RATE, Cleanup, clean
-from cospeech.capture.cleanup.quality import judge
+from cospeech.capture.cleanup.quality import quality_of
 from cospeech.capture.cleanup.stretch import Face
 from cospeech.capture.fit_face import fit_track
 from cospeech.clip import Clip, Words
@@ -33,22 +33,22 @@ def annotate(
     settings = settings or Cleanup()
     if track.refused:
         raise CospeechError(track.refused)
-    sight = in_metres(assemble(track, name), bones)
-    _refuse(track, sight, settings, name)
+    observed = in_metres(assemble(track, name), bones)
+    _refuse(track, observed, settings, name)
     seconds = _seconds(track, audio, audio_start, fps, name)
     frames = round(seconds * fps)
     if not frames:
         raise CospeechError(f"{name}: {seconds:.3f} s is less than one frame at {fps:g} fps")
     face, model, licence = _face(track, face_model, name)
     cleaned = clean(
-        sight, track.fps, frames, face=face, cuts=track.cuts, bones=bones, settings=settings, rate=fps, name=name
+        observed, track.fps, frames, face=face, cuts=track.cuts, bones=bones, settings=settings, rate=fps, name=name
     )
     if not cleaned.valid.any():
         notice(f"{name}: no frame is valid for training: body, face or both hands are unseen for too long")
-    quality = judge(
-        cleaned, sight, track.fps, fps, subject=subject, clip=clip, backend=track.backend, licence_note=licence
+    quality = quality_of(
+        cleaned, observed, track.fps, fps, subject=subject, clip=clip, backend=track.backend, licence_note=licence
     )
-    del sight  # an hour of it and an hour of sound are a gigabyte
+    del observed  # an hour of it and an hour of sound are a gigabyte
     head = {"subject": subject, "clip": clip, "fps": float(fps), "audio": audio_path, "face_model": model,
             "words": _words(audio, words, audio_start, seconds), "source": track.source,
             "source_sha256": track.source_sha256,
@@ -74,7 +74,7 @@ def _clip(cleaned, samples, sample_rate, fps, head):
     )  # fmt: skip
 
 
-def _refuse(track, sight, settings, name):
+def _refuse(track, observed, settings, name):
     """CospeechError, with the reason, for a take that cannot become a clip; notices for hands and faces never seen."""
     share = float(track.body.observed.mean())
     if not share:
@@ -84,7 +84,7 @@ def _refuse(track, sight, settings, name):
             f"{name}: mostly hidden: a body was seen in {share:.0%} of the frames, at least {settings.least_body:.0%} "
             "are needed; the take is refused"
         )
-    height = face_height(track, sight)
+    height = face_height(track, observed)
     if height is not None and height < settings.least_face:
         raise CospeechError(
             f"{name}: low resolution: the face is {height:.0f} pixels high, at least {settings.least_face:.0f} are "
@@ -96,17 +96,17 @@ def _refuse(track, sight, settings, name):
             notice(f"{name}: the {part.replace('_', ' ')} was never seen; a resting hand stands in, with confidence 0")
 
 
-def face_height(track, sight):
+def face_height(track, observed):
     """Median height of the face in pixels: of its landmarks, or from neck to crown where it has none; None for what
     was never in a picture (a body from another program that is known in space alone)."""
     points = track.face_landmarks
     if points is not None and points.xy[points.observed].any():
         return float(np.median(np.ptp(points.xy[points.observed][..., 1], axis=1)))
     neck, top = UPPER55.joints("neck", "head_top")
-    seen = sight.seen[:, top]
-    if not sight.pixels[seen].any():
+    seen = observed.seen[:, top]
+    if not observed.pixels[seen].any():
         return None
-    return float(np.median(np.linalg.norm(sight.pixels[seen, top] - sight.pixels[seen, neck], axis=1)))
+    return float(np.median(np.linalg.norm(observed.pixels[seen, top] - observed.pixels[seen, neck], axis=1)))
 
 
 def _face(track, face_model, name):

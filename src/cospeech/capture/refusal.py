@@ -37,11 +37,11 @@ def why(error):
     return f"unforeseen {type(error).__name__}: {text} (its traceback is in the take's log; please report it)"
 
 
-def track_or_refusal(look, name):
-    """The `Track` that look() returns; where it fails, for whatever reason, a notice, and a refused track that keeps
+def track_or_refusal(run, name):
+    """The `Track` that run() returns; where it fails, for whatever reason, a notice, and a refused track that keeps
     why."""
     try:
-        return look().validate(name)
+        return run().validate(name)
     except Exception as error:  # one bad take never stops the others
         reason = why(error)
         notice(f"{name}: refused: {reason}")

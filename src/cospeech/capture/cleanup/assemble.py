@@ -16,7 +16,7 @@ PARTS = {"body": BODY, **HANDS}
 
 
 @dataclass
-class Sight:
+class Observations:
     """What a track says about the 55 joints in its F frames.
 
     positions (F, 55, 3): x left, y up, z to the camera; the body relative to the pelvis, each hand to its own wrist; in
@@ -37,7 +37,7 @@ class Sight:
 
 
 def assemble(track, name="track"):
-    """`Sight` of a Track: its body by the table of joints in `data/upper55.yaml`, its hands by name.
+    """`Observations` of a Track: its body by the table of joints in `data/upper55.yaml`, its hands by name.
 
     Hands that the tracker does not see at all stay unseen. Raises CospeechError for a track without a body, for one in
     two dimensions only, and for a skeleton that has no table.
@@ -45,7 +45,7 @@ def assemble(track, name="track"):
     if track.body is None:
         raise CospeechError(f"{name}: no body in this track; choose a tracker that has one")
     joints = len(UPPER55)
-    sight = Sight(
+    observed = Observations(
         np.zeros((track.frames, joints, 3)), np.zeros((track.frames, joints, 2)), np.zeros((track.frames, joints)),
         np.zeros((track.frames, joints), bool), track.body.metric,
     )  # fmt: skip
@@ -53,31 +53,31 @@ def assemble(track, name="track"):
         points = getattr(track, part)
         if points is None:
             continue
-        sight.apart |= points.space == "wrist"
+        observed.apart |= points.space == "wrist"
         if points.xyz is None:
             raise CospeechError(f"{name}: {part} is in two dimensions only; a clip needs a tracker with depth (xyz)")
         weights = _weights(points.table, part, name)
-        sight.positions[:, where] = np.einsum("jk,fkc->fjc", weights, points.xyz, optimize=True) * UPRIGHT
-        sight.pixels[:, where] = np.einsum("jk,fkc->fjc", weights, points.xy, optimize=True)
+        observed.positions[:, where] = np.einsum("jk,fkc->fjc", weights, points.xyz, optimize=True) * UPRIGHT
+        observed.pixels[:, where] = np.einsum("jk,fkc->fjc", weights, points.xy, optimize=True)
         used = weights != 0
-        sight.score[:, where] = np.stack([points.score[:, row].min(axis=1) for row in used], axis=1)
-        sight.seen[:, where] = points.observed[:, None]
+        observed.score[:, where] = np.stack([points.score[:, row].min(axis=1) for row in used], axis=1)
+        observed.seen[:, where] = points.observed[:, None]
         origin = UPPER55.index["pelvis"] if part == "body" else where.start
-        sight.positions[:, where] -= sight.positions[:, origin, None]
-    return sight
+        observed.positions[:, where] -= observed.positions[:, origin, None]
+    return observed
 
 
-def in_metres(sight, bones=None):
-    """The same `Sight` in metres: what has no scale is made the size of an adult, or of `bones` (55,) where given."""
-    if sight.metric:
-        return sight
+def in_metres(observed, bones=None):
+    """The same `Observations` in metres: what has no scale gets the size of an adult, or of `bones` (55,), if given."""
+    if observed.metric:
+        return observed
     chain = UPPER55.joints("spine", "neck", "left_elbow", "left_wrist")
-    body = sight.positions[sight.seen[:, chain].all(axis=1)]
+    body = observed.positions[observed.seen[:, chain].all(axis=1)]
     if not len(body):
-        return sight
+        return observed
     size = bone_lengths(body)[chain].sum()
     wanted = TORSO_AND_ARM if bones is None else bones[chain].sum()
-    return replace(sight, positions=sight.positions * (wanted / size if size else 1.0), metric=True)
+    return replace(observed, positions=observed.positions * (wanted / size if size else 1.0), metric=True)
 
 
 def _weights(table, part, name):

@@ -14,22 +14,22 @@ SCHEMA = "cospeech.bones"
 
 def measure_bones(paths):
     """(55,) metres of the speaker of these track files; takes without a usable body are told and left out."""
-    sights, rates = [], []
+    takes, rates = [], []
     for path in paths:
         try:
             track = Track.read(path)
             if track.refused:
                 raise CospeechError(f"{path}: {track.refused}")
-            sight = in_metres(assemble(track, path))
+            observed = in_metres(assemble(track, path))
         except CospeechError as error:
             notice(f"{error}; left out of the speaker's bone lengths")
             continue
-        if sight.seen.any():
-            sights.append(sight)
+        if observed.seen.any():
+            takes.append(observed)
             rates.append(track.fps)
-    if not sights:
+    if not takes:
         raise CospeechError(f"{paths[0] if paths else 'no tracks'}: no take of the speaker shows a body")
-    return speaker_bones(sights, rates)
+    return speaker_bones(takes, rates)
 
 
 def write_bones(path, bones, subject=""):

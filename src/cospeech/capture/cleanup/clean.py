@@ -80,25 +80,27 @@ class Cleaned:
     valid: np.ndarray = field(init=False)
 
 
-def clean(sight, fps, frames, *, face=None, cuts=(), bones=None, settings=None, rate=RATE, name="take"):
+def clean(observed, fps, frames, *, face=None, cuts=(), bones=None, settings=None, rate=RATE, name="take"):
     """Clean one take.
 
-    sight : `Sight` at `fps`. frames : T, the clip's number of frames at `rate`. face : `Face` at `fps`, or None.
+    observed : `Observations` at `fps`. frames : T, the clip's frames at `rate`. face : `Face` at `fps`, or None.
     cuts : first frames of new shots, which nothing is filled or smoothed across. bones (55,) : the speaker's, from
     `speaker_bones` over all takes; without, this take's own. Returns `Cleaned`; raises CospeechError when no frame has
     a body that passes the gates.
     """
     settings = settings or Cleanup()
-    believed, dropped = believe(sight, fps, bones, settings)
+    believed, dropped = believe(observed, fps, bones, settings)
     if not believed[:, BODY].any():
-        raise CospeechError(f"{name}: no believable body in any of its {len(sight)} frames")
-    bones = completed(robust_bones([sight.positions], [believed]) if bones is None else bones)
+        raise CospeechError(f"{name}: no believable body in any of its {len(observed)} frames")
+    bones = completed(robust_bones([observed.positions], [believed]) if bones is None else bones)
     if settings.wrists:
-        sight = replace(sight, positions=wrists_at_hands(sight, believed))
-    typical = _typical(sight.positions, believed)
+        observed = replace(observed, positions=wrists_at_hands(observed, believed))
+    typical = _typical(observed.positions, believed)
     shots, apart = [], settings.fill_frames * fps / RATE
-    for where, start, count in _shots(cuts, len(sight), fps, frames, rate):
-        part = replace(sight, **{key: getattr(sight, key)[where] for key in ("positions", "pixels", "score", "seen")})
+    for where, start, count in _shots(cuts, len(observed), fps, frames, rate):
+        part = replace(
+            observed, **{key: getattr(observed, key)[where] for key in ("positions", "pixels", "score", "seen")}
+        )
         shots.append(clean_stretch(
             part, believed[where], typical, bones, face and face.section(where), clock=(fps, rate, count, start),
             apart=apart, sigma=settings.sigma * rate / RATE, unify=settings.unify_bones, upright=settings.upright,
@@ -115,19 +117,19 @@ def clean(sight, fps, frames, *, face=None, cuts=(), bones=None, settings=None, 
     return cleaned
 
 
-def speaker_bones(sights, rates, settings=None):
-    """(55,) metres: the one set of bone lengths of a speaker, from all of their takes (`Sight`s and their fps)."""
+def speaker_bones(takes, rates, settings=None):
+    """(55,) metres: the one set of bone lengths of a speaker, from all their takes (`Observations` and their fps)."""
     settings = settings or Cleanup()
-    believed = [believe(sight, fps, None, settings)[0] for sight, fps in zip(sights, rates, strict=True)]
-    return completed(robust_bones([sight.positions for sight in sights], believed))
+    believed = [believe(observed, fps, None, settings)[0] for observed, fps in zip(takes, rates, strict=True)]
+    return completed(robust_bones([observed.positions for observed in takes], believed))
 
 
-def believe(sight, fps, bones=None, settings=None):
+def believe(observed, fps, bones=None, settings=None):
     """The joints that pass the gates, (F, 55) bool, and {gate: share of the seen joints that it dropped}.
 
     bones (55,): the speaker's; without, the medians of what passed the gates before.
     """
-    settings, seen, dropped = settings or Cleanup(), sight.seen.copy(), {}
+    settings, seen, dropped = settings or Cleanup(), observed.seen.copy(), {}
     total = max(int(seen.sum()), 1)
 
     def drop(gate, wrong):
@@ -136,19 +138,19 @@ def believe(sight, fps, bones=None, settings=None):
 
     wrong = np.zeros(seen.shape, bool)
     for part, joints in HANDS.items() if settings.joined else ():
-        wrong[:, joints] = joined_gate(sight.pixels, seen, part, settings.joined)[:, None]
+        wrong[:, joints] = joined_gate(observed.pixels, seen, part, settings.joined)[:, None]
     drop("joined", wrong)
     wrong = np.zeros(seen.shape, bool)
     for part in PARTS.values() if settings.agreement else ():
         wrong[:, part] = agreement_gate(
-            sight.positions[:, part], sight.pixels[:, part], seen[:, part], settings.agreement
+            observed.positions[:, part], observed.pixels[:, part], seen[:, part], settings.agreement
         )
     drop("agreement", wrong)
     if settings.bone_tolerance:
-        known = robust_bones([sight.positions], [seen]) if bones is None else bones
-        drop("bone", bone_gate(sight.positions, seen, known, settings.bone_tolerance))
+        known = robust_bones([observed.positions], [seen]) if bones is None else bones
+        drop("bone", bone_gate(observed.positions, seen, known, settings.bone_tolerance))
     if settings.speed_limit:
-        drop("speed", speed_gate(sight.positions, seen, fps, settings.speed_limit))
+        drop("speed", speed_gate(observed.positions, seen, fps, settings.speed_limit))
     return seen, dropped
 
 

@@ -74,8 +74,8 @@ SCALARS = ("bone_deviation", "bone_deviation_raw", "jitter_raw", "jitter_clean",
 GROUPS = (*SHARES, "dropped", "timeline")
 
 
-def judge(cleaned, sight, fps, rate, *, subject, clip, backend="", licence_note=""):
-    """`Quality` of a `Cleaned` take at `rate`, made from a `Sight` at `fps`."""
+def quality_of(cleaned, observed, fps, rate, *, subject, clip, backend="", licence_note=""):
+    """`Quality` of a `Cleaned` take at `rate`, made from `Observations` at `fps`."""
     states = {part: cleaned.state[:, joints] for part, joints in PARTS.items()}
     if cleaned.face_state is not None:
         states["face"] = cleaned.face_state[:, None]
@@ -84,8 +84,8 @@ def judge(cleaned, sight, fps, rate, *, subject, clip, backend="", licence_note=
     return Quality(
         subject, clip, float(rate), len(cleaned.positions), backend, **shares,
         bone_deviation=bone_deviation(cleaned.positions, seen, cleaned.bones),
-        bone_deviation_raw=bone_deviation(sight.positions, sight.seen, cleaned.bones),
-        jitter_raw=jitter(sight.positions, sight.seen, fps), jitter_clean=jitter(cleaned.positions, seen, rate),
+        bone_deviation_raw=bone_deviation(observed.positions, observed.seen, cleaned.bones),
+        jitter_raw=jitter(observed.positions, observed.seen, fps), jitter_clean=jitter(cleaned.positions, seen, rate),
         valid=float(cleaned.valid.mean()), tilt=cleaned.tilt, dropped=cleaned.dropped,
         timeline={part: (s != EXCLUDED).mean(axis=1).astype(np.float32) for part, s in states.items()},
         licence_note=licence_note,

@@ -51,29 +51,29 @@ class Stretch:
     face_state: np.ndarray | None = None
 
 
-def clean_stretch(sight, believed, typical, bones, face, *, clock, apart, sigma, unify, upright, forward, ahead):
+def clean_stretch(observed, believed, typical, bones, face, *, clock, apart, sigma, unify, upright, forward, ahead):
     """Clean one stretch of a take.
 
-    sight, believed : as `clean.believe` judged them. typical (55, 3) : for joints never believed here;
+    observed, believed : as `clean.believe` judged them. typical (55, 3) : for joints never believed here;
     NaN for hands that are to rest. bones (55,). clock : (fps, rate, frames, start): frame i of the result shows the
     video at start + i / rate seconds. apart : frames of the video up to which gaps are filled. sigma : frames of
     the result.
     """
     fps, rate, frames, start = clock
-    positions = np.where(believed.any(axis=0)[:, None], sight.positions, typical)
+    positions = np.where(believed.any(axis=0)[:, None], observed.positions, typical)
     resting = np.isnan(positions).any(axis=(0, 2))
-    known = np.concatenate([np.where(resting[:, None], 0.0, positions), sight.score[..., None]], axis=-1)
+    known = np.concatenate([np.where(resting[:, None], 0.0, positions), observed.score[..., None]], axis=-1)
     filled, state = fill_joints(known, believed, apart)
-    at = _nearest(len(sight), *clock)
+    at = _nearest(len(observed), *clock)
     positions = resample(filled[..., :3], fps, rate, frames, start)
     state, score = state[at], np.clip(filled[at, :, 3], 0, 1)
     settled = face is not None and (face.score > 0).sum() >= SETTLED * fps
     ahead = ahead and settled
     turn, tilt = _upright(positions, state) if upright else (Rotation.identity(), 0.0)
-    others = _shared(turn, face) if sight.apart and settled else turn
+    others = _shared(turn, face) if observed.apart and settled else turn
     positions = np.concatenate([_turned(positions[:, BODY], turn), _turned(positions[:, BODY.stop :], others)], axis=1)
     away = _heading(positions, rate) if forward else Rotation.identity(frames)
-    aside = _aside(away, others, face) if sight.apart and forward and ahead else Rotation.identity()
+    aside = _aside(away, others, face) if observed.apart and forward and ahead else Rotation.identity()
     for joints, own in ((BODY, away), (slice(BODY.stop, None), away * aside)):
         positions[:, joints] = _turned(positions[:, joints], own.inv())
     _attach_hands(positions, resting, bones)

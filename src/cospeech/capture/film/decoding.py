@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cospeech.capture.film.prefetch import ahead
+from cospeech.capture.film.prefetch import prefetch
 from cospeech.capture.film.shots import ShotDetector
 from cospeech.errors import CospeechError, notice
 
@@ -48,7 +48,7 @@ class Film:
 
     def pictures(self, longest=TRACKED_SIZE) -> Iterator:
         """Yield a `Picture` for every frame; decoding runs ahead in a thread of its own, by at most 8 pictures."""
-        with closing(ahead(_resampled(self, self.size(longest)), PREFETCH)) as pictures:
+        with closing(prefetch(_resampled(self, self.size(longest)), PREFETCH)) as pictures:
             yield from pictures
 
     def picture_times(self):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 END = object()
 
 
-def ahead(items, size) -> Iterator:
+def prefetch(items, size) -> Iterator:
     """Yield what `items` yields while a thread computes up to `size` items in advance; its exceptions arrive here.
 
     The thread ends soon after the consumer stops asking (closes the generator or drops it).

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 HAND_SIZE = 0.5  # side of a hand's first box, in shoulder widths
-HAND_AHEAD = 0.3  # its centre, beyond the wrist in the same direction, in forearms (elbow to wrist)
+HAND_BEYOND = 0.3  # its centre, beyond the wrist in the same direction, in forearms (elbow to wrist)
 HEAD_SIZE = 0.75  # side of a head's first box, in shoulder widths
 FACE_SIZE = 0.5  # the same of the landmarks alone, which end at brows and chin
 SPREAD = (-0.8, -0.4, 0.0, 0.4, 0.8)  # where a part is searched for around its first box, in the box's sides
@@ -85,7 +85,7 @@ def box_of(xy, score, least):
 def hand_boxes(body, side):
     """(F, 4) first boxes of the "left" or "right" hand by the forearm of a body's `Points`; NaN where unobserved."""
     elbow, wrist = (body.xy[:, j] for j in body.table.joints(f"{side}_elbow", f"{side}_wrist"))
-    centre = wrist + HAND_AHEAD * (wrist - elbow)
+    centre = wrist + HAND_BEYOND * (wrist - elbow)
     return _squares(centre, HAND_SIZE * _shoulders(body), body.observed)
 
 

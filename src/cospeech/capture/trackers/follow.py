@@ -10,8 +10,8 @@ JUMP = 1.0  # box sizes that a person does not move from one frame to the next
 GROWTH = 1.8  # factor by which a person does not grow or shrink from one frame to the next
 GAP = 1.0  # seconds out of sight, after which the next person seen may be another
 ALIKE = 0.55  # least intersection of two colour histograms of the same person
-SAMPLES = 5  # pictures looked at in each stretch
-LOOKED_AT = 480  # pixels of the longer side
+SAMPLES = 5  # pictures of each stretch whose colours are counted
+HISTOGRAM_SIZE = 480  # pixels of the longer side
 
 
 def frames_of_others(film, body, cuts):
@@ -28,11 +28,11 @@ def frames_of_others(film, body, cuts):
     others = np.zeros(len(body), bool)
     if len(stretches) < 2:
         return others
-    looks = _looks(film, boxes, stretches)
+    histograms = _histograms(film, boxes, stretches)
     weights = [np.sum(boxes[s, 2]) for s in stretches]
     persons = []  # [indices of stretches] of each person, beginning with the longest stretch
     for i in np.argsort(weights)[::-1]:
-        like = [np.mean([np.minimum(looks[i], looks[j]).sum() for j in person]) for person in persons]
+        like = [np.mean([np.minimum(histograms[i], histograms[j]).sum() for j in person]) for person in persons]
         if like and max(like) >= ALIKE:
             persons[int(np.argmax(like))].append(i)
         else:
@@ -68,15 +68,15 @@ def _stretches(boxes, observed, cuts, fps):
     return np.split(frames, np.flatnonzero(parted) + 1)
 
 
-def _looks(film, boxes, stretches):
+def _histograms(film, boxes, stretches):
     """Colour histogram of the middle of each stretch's boxes, as one row that adds up to 1."""
     wanted = {}
     for number, frames in enumerate(stretches):
         for frame in frames[np.linspace(0, len(frames) - 1, min(SAMPLES, len(frames))).astype(int)]:
             wanted[int(frame)] = number
-    looks, counts = [0.0] * len(stretches), np.zeros(len(stretches))
-    scale = film.size(LOOKED_AT)[0] / film.width
-    for picture in film.pictures(LOOKED_AT):
+    histograms, counts = [0.0] * len(stretches), np.zeros(len(stretches))
+    scale = film.size(HISTOGRAM_SIZE)[0] / film.width
+    for picture in film.pictures(HISTOGRAM_SIZE):
         if picture.index not in wanted:
             continue
         x, y, size = boxes[picture.index] * scale
@@ -85,6 +85,6 @@ def _looks(film, boxes, stretches):
         top, bottom = np.clip([int(y - size / 2), int(y + size / 4) + 1], 0, height)
         number = wanted[picture.index]
         if right > left + 1 and bottom > top + 1:
-            looks[number] = looks[number] + colour_histogram(picture.rgb[top:bottom, left:right]).mean(axis=0)
+            histograms[number] = histograms[number] + colour_histogram(picture.rgb[top:bottom, left:right]).mean(axis=0)
             counts[number] += 1
-    return [look / max(count, 1) + np.zeros(1) for look, count in zip(looks, counts, strict=True)]
+    return [total / max(count, 1) + np.zeros(1) for total, count in zip(histograms, counts, strict=True)]

@@ -71,8 +71,8 @@ class Runner:
         centre = 0.35 * body[wrist, :2] + 0.65 * body[list(knuckles), :2].mean(axis=0)
         for _ in range(TRIES):
             scale, upright = HAND_CROPS[self.crops[side]]
-            ahead = centre - body[elbow, :2] if upright else (0.0, -1.0)
-            crop, back = cut(rgb, centre, scale * unit, ahead)
+            up = centre - body[elbow, :2] if upright else (0.0, -1.0)
+            crop, back = cut(rgb, centre, scale * unit, up)
             best = None if crop is None else self._nearest_hand(crop, back, body[wrist, :2], side, HAND_REACH * unit)
             if best is not None:
                 return {side: best}
@@ -123,19 +123,19 @@ class Runner:
         return array
 
 
-def cut(rgb, centre, side, ahead=(0.0, -1.0)):
-    """A square of `side` pixels about `centre` in which `ahead` points up, black beyond the picture.
+def cut(rgb, centre, side, up=(0.0, -1.0)):
+    """A square of `side` pixels about `centre` in which `up` points up, black beyond the picture.
 
     Returns it and the (2, 3) matrix that takes its pixels to the picture's; None twice where it would show nothing.
     """
-    length = np.hypot(*ahead)
+    length = np.hypot(*up)
     if not (np.isfinite(centre).all() and side >= LEAST_CROP and length > 0):
         return None, None
     height, width = rgb.shape[:2]
     if not (-side / 2 < centre[0] < width + side / 2 and -side / 2 < centre[1] < height + side / 2):
         return None, None
     side = round(float(side))
-    down = -np.asarray(ahead) / length
+    down = -np.asarray(up) / length
     axes = np.column_stack([[down[1], -down[0]], down])
     back = np.column_stack([axes, np.asarray(centre) - axes @ [side / 2, side / 2]]).astype(np.float32)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP

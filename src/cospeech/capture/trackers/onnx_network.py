@@ -57,8 +57,8 @@ class OnnxTracker:
             followed = list(self._follow(pictures))
             rows = {part: followed for part in self.parts}
         else:
-            look = self._look_once if self.manifest.codec["kind"] == "coefficients" else self._look
-            rows = look(pictures, {part: _first_boxes(part, seen, film) / scale for part in self.parts})
+            find = self._find_in_batches if self.manifest.codec["kind"] == "coefficients" else self._find
+            rows = find(pictures, {part: _first_boxes(part, seen, film) / scale for part in self.parts})
         return {part: self._gathered(part, own, film, scale) for part, own in rows.items()}
 
     def _follow(self, pictures):
@@ -70,7 +70,7 @@ class OnnxTracker:
             fresh = box is None or picture.cut
             box = start if fresh else box
             for _ in range(PASSES if fresh else 1):
-                (found,) = self._seen([box], [picture.rgb])
+                (found,) = self._detect([box], [picture.rgb])
                 inside = np.where(_within(found[0], width, height), found[2], 0)
                 closer = box_of(found[0], inside, self.manifest.least)
                 lost = closer is None or max(closer[2:]) < LEAST_BOX * max(width, height)
@@ -80,7 +80,7 @@ class OnnxTracker:
             box = None if lost else box
             yield None if lost else found
 
-    def _look(self, pictures, boxes):
+    def _find(self, pictures, boxes):
         """{part: [what is seen in each picture, or None]} about each part's boxes (F, 4), and where it was before."""
         rows, before = {part: [] for part in boxes}, {}
         for picture in pictures:
@@ -92,15 +92,15 @@ class OnnxTracker:
                 rows[part].append(found)
         return rows
 
-    def _look_once(self, pictures, boxes):
+    def _find_in_batches(self, pictures, boxes):
         """The same, in batches, for coefficients: they say neither where the face is nor how sure they are."""
         rows, pictures = {part: [] for part in boxes}, iter(pictures)
         while group := list(islice(pictures, self.batch)):
             for part, own in boxes.items():
                 there = [p for p in group if p.index < len(own) and np.isfinite(own[p.index]).all()]
-                found = self._seen([own[p.index] for p in there], [p.rgb for p in there]) if there else []
-                seen = dict(zip((p.index for p in there), found, strict=True))
-                rows[part] += [seen.get(p.index) for p in group]
+                found = self._detect([own[p.index] for p in there], [p.rgb for p in there]) if there else []
+                detected = dict(zip((p.index for p in there), found, strict=True))
+                rows[part] += [detected.get(p.index) for p in group]
         return rows
 
     def _searched(self, part, picture, expected, before):
@@ -109,7 +109,7 @@ class OnnxTracker:
 
         def surest(*places):
             flipped = self.manifest.mirrored and part == "left_hand"
-            return max(self._seen(places, [picture.rgb] * len(places), flipped), key=_sureness)
+            return max(self._detect(places, [picture.rgb] * len(places), flipped), key=_sureness)
 
         best = surest(expected) if before is None else surest(expected, before)
         if picture.cut or picture.index % SEARCHED == 0:
@@ -118,7 +118,7 @@ class OnnxTracker:
             best = max(best, surest(like(_box(best), expected)), key=_sureness)
         return best
 
-    def _seen(self, boxes, images, flipped=False):
+    def _detect(self, boxes, images, flipped=False):
         """What the network finds about each of N boxes: N times (xy (K, 2) pixels of the picture, xyz, score (K,)); for
         a face's coefficients (expression (E,), rotation (3,), score (1,))."""
         crops = [crop_about(box, self.manifest.margin, self.manifest.size, flipped) for box in boxes]
@@ -136,8 +136,9 @@ class OnnxTracker:
         else:
             points, score = codecs.POINTS[codec["kind"]](outputs, codec)
             space = points[..., 2:] if points.shape[-1] == 3 else [None] * len(points)
-        looks = zip(crops, points, space, score, strict=True)
-        return [(crop.to_picture(xy[:, :2]), z, s.copy()) for crop, xy, z, s in looks]  # a copy: no batch is kept alive
+        detections = zip(crops, points, space, score, strict=True)
+        # s is copied: no batch is kept alive
+        return [(crop.to_picture(xy[:, :2]), z, s.copy()) for crop, xy, z, s in detections]
 
     def _tensors(self, images):
         """(N, height, width, 3) uint8 RGB -> what the network takes."""
