@@ -119,9 +119,9 @@ def test_people_without_2d_only_ones_fill_the_batch(tmp_path):
     assert task.draw(0)[1].labelled.all() and task.draw(TINY.pretraining)[1].labelled.all()
 
 
-@pytest.mark.parametrize("ahead", [0, 3])
-def test_loader_gives_each_step_its_own_batch_whatever_was_asked_before(ahead):
-    loader = Loader(lambda step: step * 10, steps=6, ahead=ahead)
+@pytest.mark.parametrize("prefetch", [0, 3])
+def test_loader_gives_each_step_its_own_batch_whatever_was_asked_before(prefetch):
+    loader = Loader(lambda step: step * 10, steps=6, prefetch=prefetch)
     assert [loader.take(step) for step in (3, 4, 5)] == [30, 40, 50]
     assert loader.coming == {}
     loader.close()

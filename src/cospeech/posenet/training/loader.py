@@ -97,25 +97,25 @@ class Loader:
     """Makes mini-batches in a thread while the network learns from the ones before.
 
     draw(step) makes one from its number alone, so that neither the thread's pace nor an interruption changes anything.
-    ahead : how many are made before they are needed; with 0 each is made when it is taken, which is faster where the
+    prefetch : how many are made before they are needed; with 0 each is made when it is taken, which is faster where the
     network computes on every core: its threads wait for one another, and so for whoever else has a core.
     waited : seconds that `take` has waited so far, the part of a training that the data holds up.
     """
 
-    def __init__(self, draw, steps, ahead=3):
-        self.draw, self.steps, self.ahead = draw, steps, ahead
+    def __init__(self, draw, steps, prefetch=3):
+        self.draw, self.steps, self.prefetch = draw, steps, prefetch
         self.thread = ThreadPoolExecutor(1, "loader")
         self.coming, self.waited = {}, 0.0
 
     def take(self, step):
         """What draw(step) returns."""
         began = time.perf_counter()
-        taken = self._coming(step).result() if self.ahead else self.draw(step)
+        taken = self._coming(step).result() if self.prefetch else self.draw(step)
         self.waited += time.perf_counter() - began
         return taken
 
     def _coming(self, step):
-        for number in range(step, min(step + 1 + self.ahead, self.steps)):
+        for number in range(step, min(step + 1 + self.prefetch, self.steps)):
             if number not in self.coming:
                 self.coming[number] = self.thread.submit(self.draw, number)
         return self.coming.pop(step)

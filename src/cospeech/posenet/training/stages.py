@@ -39,7 +39,7 @@ from cospeech.posenet.training.loader import Loader, Mixture
 from cospeech.posenet.training.pose_losses import LIFTING, PRETRAINING, Labels, Weights, total_loss
 
 STAGES = ("pretraining", "lifting", "training")
-AHEAD = 3  # mini-batches that are made while the network learns
+PREFETCH = 3  # mini-batches that are made while the network learns
 LIFTED = 256  # people in a mini-batch of the stage that looks at no images
 SHAPE = ("input", "blocks", "width", "free", "latent", "camera")  # fields of Design that a budget may change
 # Table 3.6: what each row's second stage learns from. All rows start from the same 2D pre-training.
@@ -182,7 +182,7 @@ class PoseTask:
         self.total = self.ends[-1]
         self.curve = LearningCurve(test, people.part, self.design, settings.half) if test else None
         self.points = {(k + 1) * self.total // POINTS - 1 for k in range(POINTS)} if test else ()
-        self.loader = Loader(self.draw, self.total, ahead=AHEAD if _spare_core() else 0)
+        self.loader = Loader(self.draw, self.total, prefetch=PREFETCH if _spare_core() else 0)
         kept = {k: v for k, v in asdict(settings).items() if k not in (*SHAPE, "people", "threads")}
         self.description = {
             "model": "posenet", "part": people.part, "design": asdict(self.design), "settings": kept,
