@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from cospeech.errors import CospeechError
 from cospeech.people import make_people
 from cospeech.people.batches import BLOCK, SEEN, _photograph, draw_people, photograph_people
-from cospeech.people.painting.solids import CODE, STRANGER, THING
+from cospeech.people.painting.solids import BYSTANDER, CODE, THING
 from cospeech.posenet import JOINTS21
 from cospeech.posenet.camera import camera_matrix, person_crop, project
 from cospeech.posenet.datasets.parts import PARTS
@@ -84,7 +84,7 @@ def test_left_is_left(crowd):
     """Who faces the camera (their nose is nearer than their ears) has the left shoulder on the picture's right."""
     for domain in ("studio", "wild"):
         people, _ = crowd[domain, "body"]
-        skin, j = people.figure.skin, people.figure.joint
+        skin, j = people.bodies.skin, people.bodies.joint
         nearer = (skin[:, 0, 2] + skin[:, 16, 2]) / 2 - skin[:, 30, 2]
         across = j("left_shoulder")[:, 0] - j("right_shoulder")[:, 0]
         facing, back = nearer > 0.07, nearer < -0.07
@@ -96,7 +96,7 @@ def test_left_is_left(crowd):
 
 def test_other_people_stand_behind_some_in_the_wild(crowd):
     people, _ = crowd["wild", "body"]
-    seen = [STRANGER in _photograph(people, i, "wild", SIZE)[2] for i in range(BLOCK)]
+    seen = [BYSTANDER in _photograph(people, i, "wild", SIZE)[2] for i in range(BLOCK)]
     assert 0.05 < np.mean(seen) < 0.35
 
 

@@ -29,7 +29,7 @@ SHOWN = {"plain": (-0.20, 0.86), "desk": (-0.14, 0.88), "company": (-0.20, 0.92)
 SIZE = (480, 360)  # width, height in pixels
 BATCH = 64  # frames made into solids at once
 DESK_BELOW = 0.05  # metres of the desk below where the lower wrist mostly is
-WARDROBE = 5  # seed of everybody's looks, chosen by eye
+WARDROBE = 5  # seed of everybody's appearance, chosen by eye
 BESIDE = np.array([0.62, 0.02, -1.1])  # where the second person stands: left, up, forward of the speaker, metres
 
 
@@ -100,13 +100,13 @@ def build_set(speaker, take, seed, domain, size=SIZE):
 def draw_take(positions, rotation, expression, stage, speaker):
     """Yield the pictures (H, W, 3) uint8 of T frames: positions (T, 55, 3), rotation (T, 3), expression (T, 64)."""
     female = speaker_parameters(speaker)["voice"]["female"]
-    looks = draw_appearance(speaker, stage.domain, WARDROBE, female)
+    appearance = draw_appearance(speaker, stage.domain, WARDROBE, female)
     other = draw_appearance(f"beside {speaker}", stage.domain, WARDROBE, not female)
     rng = np.random.default_rng(stage.seed)
     things = _desk(positions, stage) if stage.setting == "desk" else np.zeros((0, raster.COLUMNS))
     for start in range(0, len(positions), BATCH):
         now = slice(start, start + BATCH)
-        solids = _person(positions[now], rotation[now], expression[now], stage, looks)
+        solids = _person(positions[now], rotation[now], expression[now], stage, appearance)
         if stage.setting == "company":  # the same take backwards: somebody who talks of something else
             now = slice(-1 - start, -1 - start - BATCH if start + BATCH < len(positions) else None, -1)
             beside = _person(positions[now] + BESIDE, rotation[now], expression[now], stage, other)
@@ -115,10 +115,10 @@ def draw_take(positions, rotation, expression, stage, speaker):
             yield _picture(np.concatenate([frame, things]), stage, rng)
 
 
-def _person(positions, rotation, expression, stage, looks):
+def _person(positions, rotation, expression, stage, appearance):
     """Solids (T, P, raster.COLUMNS) of somebody in the speaker's axes."""
     head = stage.rotation @ Rotation.from_rotvec(rotation).as_matrix() @ face_turn()
-    return person_solids(stage.see(positions), looks, head=head, expression=expression)
+    return person_solids(stage.see(positions), appearance, head=head, expression=expression)
 
 
 @cache
@@ -126,8 +126,8 @@ def face_turn():
     """(3, 3) turn that lays the painter's face at rest over cospeech64's, of which the truth's rotation tells: where a
     face looks to is a convention, and the two differ by their slant."""
     model = embedded()
-    drawn, told = faces.NEUTRAL[: len(model.landmarks)], model.mean[model.landmarks]
-    return Rotation.align_vectors(told - told.mean(axis=0), drawn - drawn.mean(axis=0))[0].as_matrix()
+    drawn, reference = faces.NEUTRAL[: len(model.landmarks)], model.mean[model.landmarks]
+    return Rotation.align_vectors(reference - reference.mean(axis=0), drawn - drawn.mean(axis=0))[0].as_matrix()
 
 
 def _desk(positions, stage):

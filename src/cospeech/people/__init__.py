@@ -1,6 +1,6 @@
 """Synthetic people: the embedded data on which the pose networks are trained out of the box.
 
-    dice -> who (anthropometry, looks), in which pose (poses, hands, faces), seen from where (views)
+    dice -> who (anthropometry, materials), in which pose (poses, hands, faces), seen from where (views)
     -> solids (bodies, heads, painting/scenes) -> picture (painting/raster) -> batches with exact labels (batches)
 
 `painting/painter` is the same painter for anyone whose joints are known.

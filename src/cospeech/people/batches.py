@@ -8,11 +8,11 @@ import numpy as np
 from cospeech.errors import CospeechError
 from cospeech.people import faces, views
 from cospeech.people.anthropometry import INDEX, draw_build
-from cospeech.people.bodies import Figure, figure_solids
+from cospeech.people.bodies import Bodies, body_solids
 from cospeech.people.dice import Dice
 from cospeech.people.heads import skull_center
 from cospeech.people.painting import raster, scenes
-from cospeech.people.painting.looks import draw_looks
+from cospeech.people.painting.materials import draw_materials
 from cospeech.people.painting.solids import CODE, THING
 from cospeech.people.poses import ARMS, POSTURES, draw_pose, pose_people
 from cospeech.posenet.datasets.parts import PARTS as JOINT_SETS
@@ -30,7 +30,7 @@ ALIASES = {"right_hand": "right_middle_0", "left_hand": "left_middle_0"}
 class People:
     """A block of N people, all but drawn. points (N, J, 3) metres: the part's joints in the camera's axes."""
 
-    figure: Figure
+    bodies: Bodies
     view: views.View
     points: np.ndarray
     pixels: np.ndarray
@@ -93,7 +93,7 @@ def draw_people(block, domain, part, size, margin, seed, attempt=0):
     """The `People` of a block of BLOCK numbers; other ones for every attempt."""
     numbers = np.arange(block * BLOCK, (block + 1) * BLOCK)
     dice = Dice(seed, (domain, part, *["again"] * attempt), numbers)
-    build, looks, subject = _who(dice, domain, seed)
+    build, materials, subject = _who(dice, domain, seed)
     framing = dice.choice([0.5, 0.5]) if part == "body" else np.ones(BLOCK, int)
     pose = draw_pose(dice, presenting=framing == 1, lively_hands=0.7 if part == "hand" else 0.15)
     joints, head = pose_people(build, pose)
@@ -107,15 +107,15 @@ def draw_people(block, domain, part, size, margin, seed, attempt=0):
     anchors = views.draw_anchors(dice, part, domain, framing, JOINT_SETS[part].skeleton.names)
     labelled = JOINT_SETS[part].skeleton.joints(*JOINT_SETS[part].heatmaps)
     view = views.crop_view(rotation, translation, points, size, margin, anchors, labelled)
-    figure = Figure(
+    bodies = Bodies(
         view.see(joints), view.rotation @ head, build.lengths["head"], view.see(skin), gaze, build.girth, build.female
     )
     seated = pose.posture == list(POSTURES).index("sit")
-    rows = figure_solids(figure, looks)
+    rows = body_solids(bodies, materials)
     around = [rows, scenes.furniture(dice, joints, view, domain, part, framing, seated)]
     lights = scenes.draw_lights(dice, domain)
     if domain == "wild" and part != "hand":
-        around.append(scenes.strangers(dice, rows, view))
+        around.append(scenes.bystanders(dice, rows, view))
     points = view.see(points)
     tags = {
         "domain": np.full(BLOCK, domain), "framing": np.array(views.FRAMINGS)[framing], "subject": subject,
@@ -123,20 +123,20 @@ def draw_people(block, domain, part, size, margin, seed, attempt=0):
     }  # fmt: skip
     if part != "body":
         tags["framing"] = np.full(BLOCK, "close")
-    return People(figure, view, points, view.project(points), np.concatenate(around, axis=1), lights, tags, dice)
+    return People(bodies, view, points, view.project(points), np.concatenate(around, axis=1), lights, tags, dice)
 
 
 def _who(dice, domain, seed):
-    """Builds, looks and names: in the studio few people in few clothes, in the wild everyone is new."""
+    """Builds, materials and names: in the studio few people in few clothes, in the wild everyone is new."""
     if domain == "wild":
         build = draw_build(dice, children=0.05)
-        return build, draw_looks(dice, domain, build.female, build.age), np.full(len(dice), "")
+        return build, draw_materials(dice, domain, build.female, build.age), np.full(len(dice), "")
     subject, outfit = dice.choice(np.ones(SUBJECTS)), dice.choice(np.ones(OUTFITS))
     build = draw_build(Dice(seed, ("studio subjects",), range(SUBJECTS)))
     outfits = Dice(seed, ("studio outfits",), range(SUBJECTS * OUTFITS))
     owner = np.repeat(np.arange(SUBJECTS), OUTFITS)
-    looks = draw_looks(outfits, domain, build.female[owner], build.age[owner])
-    return build[subject], looks[subject * OUTFITS + outfit], np.char.add("studio-", (subject + 1).astype(str))
+    materials = draw_materials(outfits, domain, build.female[owner], build.age[owner])
+    return build[subject], materials[subject * OUTFITS + outfit], np.char.add("studio-", (subject + 1).astype(str))
 
 
 def _faces(dice, build, joints, head):

@@ -13,7 +13,7 @@ TRUNK = 0.50  # metres from pelvis over spine to neck of the person that the siz
 
 
 @dataclass
-class Figure:
+class Bodies:
     """N people in the camera's axes, metres.
 
     joints (N, 61, 3); head (N, 3, 3), columns left, up, forward; height (N,) of the head from chin to crown; skin
@@ -33,113 +33,115 @@ class Figure:
         return self.joints[:, INDEX[name]]
 
 
-def figure_solids(figure, looks):
-    """(N, P, raster.COLUMNS) the solids of `Figure`s dressed in `Looks`."""
-    solids, j = Solids(len(figure.joints)), figure.joint
+def body_solids(bodies, materials):
+    """(N, P, raster.COLUMNS) the solids of `Bodies` in their `Materials`."""
+    solids, j = Solids(len(bodies.joints)), bodies.joint
     scale = np.linalg.norm(j("spine") - j("pelvis"), axis=1) + np.linalg.norm(j("neck") - j("spine"), axis=1)
     scale = scale / TRUNK
-    _trunk(solids, figure, looks, scale)
+    _trunk(solids, bodies, materials, scale)
     for side in ("right", "left"):
-        _arm(solids, j, looks, scale * np.sqrt(figure.girth), side)
-        _hand(solids, j, looks, side)
-        _leg(solids, j, looks, scale * figure.girth, side)
-    add_head(solids, figure, looks)
+        _arm(solids, j, materials, scale * np.sqrt(bodies.girth), side)
+        _hand(solids, j, materials, side)
+        _leg(solids, j, materials, scale * bodies.girth, side)
+    add_head(solids, bodies, materials)
     return solids.rows()
 
 
-def _trunk(solids, figure, looks, scale):
-    j, girth = figure.joint, figure.girth * scale
+def _trunk(solids, bodies, materials, scale):
+    j, girth = bodies.joint, bodies.girth * scale
     up = unit(j("neck") - j("pelvis"))
     hips, shoulders = j("left_hip") - j("right_hip"), j("left_shoulder") - j("right_shoulder")
     forward = unit(np.cross(unit(hips) + unit(shoulders), up))
     left = np.cross(up, forward)
     wide = np.linalg.norm(shoulders, axis=1) / 0.35
     flat = np.stack([left, up, 1.42 * forward], axis=1)
-    cloth = {"color2": looks.top2, "pattern": looks.pattern, "period": looks.period}
+    cloth = {"color2": materials.top2, "pattern": materials.pattern, "period": materials.period}
     at = lambda start, rise: start + up * (rise * scale)[:, None]  # noqa: E731
-    hip = np.where(figure.female, 1.08, 1.0) * girth
-    waist = np.where(figure.female, 0.122, 0.138) * girth
-    chest = 0.150 * wide * np.sqrt(figure.girth)
-    solids.cone(at(j("pelvis"), 0.0), at(j("pelvis"), 0.05), 0.140 * hip, 0.138 * hip, looks.bottom, "trunk", axes=flat)
+    hip = np.where(bodies.female, 1.08, 1.0) * girth
+    waist = np.where(bodies.female, 0.122, 0.138) * girth
+    chest = 0.150 * wide * np.sqrt(bodies.girth)
     solids.cone(
-        at(j("pelvis"), 0.085), at(j("spine"), 0.02), 0.142 * hip, waist, looks.top, "trunk", axes=flat, **cloth
+        at(j("pelvis"), 0.0), at(j("pelvis"), 0.05), 0.140 * hip, 0.138 * hip, materials.bottom, "trunk", axes=flat
     )
-    solids.cone(at(j("spine"), 0.02), at(j("neck"), -0.185), waist, chest, looks.top, "trunk", axes=flat, **cloth)
+    solids.cone(
+        at(j("pelvis"), 0.085), at(j("spine"), 0.02), 0.142 * hip, waist, materials.top, "trunk", axes=flat, **cloth
+    )
+    solids.cone(at(j("spine"), 0.02), at(j("neck"), -0.185), waist, chest, materials.top, "trunk", axes=flat, **cloth)
     ribs = [at(j("neck"), -0.135) + left * (sign * 0.088 * chest / 0.15)[:, None] for sign in (-1, 1)]
-    solids.cone(*ribs, 0.098 * chest / 0.15, 0.098 * chest / 0.15, looks.top, "trunk", axes=flat, **cloth)
+    solids.cone(*ribs, 0.098 * chest / 0.15, 0.098 * chest / 0.15, materials.top, "trunk", axes=flat, **cloth)
     for side, sign in (("right", -1), ("left", 1)):
         inward = unit(shoulders) * (-sign * 0.020 * scale)[:, None]
         cap = j(f"{side}_shoulder") + inward + up * (0.002 * scale)[:, None]
         nape = at(j("neck"), -0.012) - forward * (0.012 * scale)[:, None]
-        solids.cone(nape, cap, 0.048 * scale, 0.054 * scale, looks.top, "trunk")
+        solids.cone(nape, cap, 0.048 * scale, 0.054 * scale, materials.top, "trunk")
         pit = cap + 2.2 * inward - up * (0.07 * scale)[:, None]
-        solids.cone(pit, cap, 0.066 * scale, 0.054 * scale, looks.top, "trunk", **cloth)
+        solids.cone(pit, cap, 0.066 * scale, 0.054 * scale, materials.top, "trunk", **cloth)
         bust = at(j("neck"), -0.18) + forward * (0.038 * scale)[:, None] + left * (sign * 0.054 * scale)[:, None]
         soft = 0.072 * np.sqrt(girth * scale)
-        solids.cone(bust, bust, np.where(figure.female, soft, -1), 0, looks.top, "trunk", **cloth)
+        solids.cone(bust, bust, np.where(bodies.female, soft, -1), 0, materials.top, "trunk", **cloth)
     knees = (j("right_knee") + j("left_knee")) / 2
     hangs = np.sum(unit(knees - j("pelvis")) * -up, axis=1) > 0.8
-    skirt = np.where(looks.skirt & hangs, 0.155 * hip, -1)
-    solids.cone(at(j("pelvis"), -0.04), knees, skirt, 0.2 * scale, looks.bottom, "trunk", axes=flat)
-    skull = skull_center(j("head_top"), figure.head, figure.height)
-    base = skull + np.einsum("nij,j->ni", figure.head, [0.0, -0.26, -0.13]) * figure.height[:, None]
-    thick = np.where(figure.female, 0.047, 0.055) * scale
-    solids.cone(at(j("neck"), -0.03), base, thick, thick, looks.skin, "neck")
+    skirt = np.where(materials.skirt & hangs, 0.155 * hip, -1)
+    solids.cone(at(j("pelvis"), -0.04), knees, skirt, 0.2 * scale, materials.bottom, "trunk", axes=flat)
+    skull = skull_center(j("head_top"), bodies.head, bodies.height)
+    base = skull + np.einsum("nij,j->ni", bodies.head, [0.0, -0.26, -0.13]) * bodies.height[:, None]
+    thick = np.where(bodies.female, 0.047, 0.055) * scale
+    solids.cone(at(j("neck"), -0.03), base, thick, thick, materials.skin, "neck")
 
 
-def _sleeve(solids, start, end, radii, reach, looks, color, part, **cloth):
+def _sleeve(solids, start, end, radii, reach, materials, color, part, **cloth):
     """Cloth over a limb, from its start as far as `reach` (N,), 0 to 1; less than 0.05 is no cloth."""
     reach = np.clip(reach, 0, 1)
     stop = start + (end - start) * reach[:, None]
-    first = radii[0] * looks.loose
-    second = (radii[0] + (radii[1] - radii[0]) * reach) * looks.loose
+    first = radii[0] * materials.loose
+    second = (radii[0] + (radii[1] - radii[0]) * reach) * materials.loose
     solids.cone(start, stop, np.where(reach > 0.05, first, -1), second, color, part, **cloth)
 
 
-def _arm(solids, j, looks, scale, side):
+def _arm(solids, j, materials, scale, side):
     shoulder, elbow, wrist = (j(f"{side}_{name}") for name in ("shoulder", "elbow", "wrist"))
     upper, fore = (0.049 * scale, 0.037 * scale), (0.037 * scale, 0.025 * scale)
-    cloth = {"color2": looks.top2, "pattern": np.where(looks.pattern == 1, 1, 0), "period": looks.period}
-    solids.cone(shoulder, elbow, *upper, looks.skin, f"{side}_upper_arm")
-    solids.cone(elbow, wrist, *fore, looks.skin, f"{side}_forearm")
+    cloth = {"color2": materials.top2, "pattern": np.where(materials.pattern == 1, 1, 0), "period": materials.period}
+    solids.cone(shoulder, elbow, *upper, materials.skin, f"{side}_upper_arm")
+    solids.cone(elbow, wrist, *fore, materials.skin, f"{side}_forearm")
     bulge = elbow + (wrist - elbow) * 0.25
-    solids.cone(bulge, bulge + (wrist - elbow) * 0.2, 0.041 * scale, 0.036 * scale, looks.skin, f"{side}_forearm")
-    _sleeve(solids, shoulder, elbow, upper, looks.sleeves, looks, looks.top, f"{side}_upper_arm", **cloth)
+    solids.cone(bulge, bulge + (wrist - elbow) * 0.2, 0.041 * scale, 0.036 * scale, materials.skin, f"{side}_forearm")
+    _sleeve(solids, shoulder, elbow, upper, materials.sleeves, materials, materials.top, f"{side}_upper_arm", **cloth)
     fore = (0.042 * scale, 0.029 * scale)
-    _sleeve(solids, elbow, wrist, fore, looks.sleeves - 1, looks, looks.top, f"{side}_forearm", **cloth)
+    _sleeve(solids, elbow, wrist, fore, materials.sleeves - 1, materials, materials.top, f"{side}_forearm", **cloth)
 
 
-def _leg(solids, j, looks, scale, side):
+def _leg(solids, j, materials, scale, side):
     hip, knee, ankle, toe = (j(f"{side}_{name}") for name in ("hip", "knee", "ankle", "toe"))
     thigh, shank = (0.082 * scale, 0.053 * scale), (0.050 * scale, 0.034 * scale)
-    solids.cone(hip, knee, *thigh, looks.skin, f"{side}_thigh")
-    solids.cone(knee, ankle, *shank, looks.skin, f"{side}_shank")
+    solids.cone(hip, knee, *thigh, materials.skin, f"{side}_thigh")
+    solids.cone(knee, ankle, *shank, materials.skin, f"{side}_shank")
     calf = knee + (ankle - knee) * 0.28
-    solids.cone(knee, calf, 0.047 * scale, 0.050 * scale, looks.skin, f"{side}_shank")
-    _sleeve(solids, hip, knee, thigh, looks.legs, looks, looks.bottom, f"{side}_thigh")
+    solids.cone(knee, calf, 0.047 * scale, 0.050 * scale, materials.skin, f"{side}_shank")
+    _sleeve(solids, hip, knee, thigh, materials.legs, materials, materials.bottom, f"{side}_thigh")
     shank = (0.056 * scale, 0.043 * scale)
-    _sleeve(solids, knee, ankle, shank, looks.legs - 1, looks, looks.bottom, f"{side}_shank")
+    _sleeve(solids, knee, ankle, shank, materials.legs - 1, materials, materials.bottom, f"{side}_shank")
     down = unit(ankle - knee)
     sole = ankle + down * (0.025 * scale)[:, None]
     heel = sole - unit(toe - ankle) * (0.03 * scale)[:, None]
     tip = toe + unit(toe - sole) * (0.05 * scale)[:, None]
-    solids.cone(sole, toe, 0.043 * scale, 0.037 * scale, looks.shoes, f"{side}_foot")
-    solids.cone(heel, heel, 0.036 * scale, 0, looks.shoes, f"{side}_foot")
-    solids.cone(toe, tip, 0.037 * scale, 0.026 * scale, looks.shoes, f"{side}_foot")
+    solids.cone(sole, toe, 0.043 * scale, 0.037 * scale, materials.shoes, f"{side}_foot")
+    solids.cone(heel, heel, 0.036 * scale, 0, materials.shoes, f"{side}_foot")
+    solids.cone(toe, tip, 0.037 * scale, 0.026 * scale, materials.shoes, f"{side}_foot")
 
 
-def _hand(solids, j, looks, side):
+def _hand(solids, j, materials, side):
     """Palm, five fingers of three bones and their nails; the palm's side is paler than the back."""
     part, sign = f"{side}_hand", -1 if side == "right" else 1
     joint = lambda name: j(f"{side}_{name}")  # noqa: E731
     root, first = joint("hand_root"), {finger: joint(f"{finger}_0") for finger in (*FINGERS, "thumb")}
     scale = np.linalg.norm(first["middle"] - root, axis=1) / 0.088
     palm = sign * unit(np.cross(first["middle"] - root, first["index"] - first["little"]))
-    inside = np.clip(looks.skin * [0.98, 0.82, 0.76] + [0.10, 0.10, 0.08], 0, 1)
-    look = {"color2": inside, "plane": (palm, 0.0)}
+    inside = np.clip(materials.skin * [0.98, 0.82, 0.76] + [0.10, 0.10, 0.08], 0, 1)
+    material = {"color2": inside, "plane": (palm, 0.0)}
 
     def bone(start, end, thick, thin):
-        solids.cone(start, end, thick * scale, thin * scale, looks.skin, part, **look)
+        solids.cone(start, end, thick * scale, thin * scale, materials.skin, part, **material)
 
     for finger in FINGERS:
         bone(root, first[finger], 0.0155, 0.0118)
@@ -161,4 +163,4 @@ def _hand(solids, j, looks, side):
         nail = joints[3] - way * (0.002 * scale)[:, None] + back * (0.0042 * size * scale)[:, None]
         frame = np.stack([way, np.cross(back, way), back], axis=2)
         half = np.array([0.0070, 0.0054, 0.0038]) * size * scale[:, None]
-        solids.ellipsoid(nail, frame, half, np.clip(looks.skin * 0.8 + [0.26, 0.20, 0.19], 0, 1), part)
+        solids.ellipsoid(nail, frame, half, np.clip(materials.skin * 0.8 + [0.26, 0.20, 0.19], 0, 1), part)

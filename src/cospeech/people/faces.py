@@ -83,11 +83,11 @@ def skin(face, expression):
 def gaze(expression):
     """(N, 2, 2): how far the right and the left eye look to the person's left and up, -1 to 1."""
     value = lambda name: expression[:, COSPEECH64.index(name)]  # noqa: E731
-    looks = []
+    gazes = []
     for side, sign in (("right", -1), ("left", 1)):
         aside = sign * (value(f"eye_look_out_{side}") - value(f"eye_look_in_{side}"))
-        looks.append(np.stack([aside, value(f"eye_look_up_{side}") - value(f"eye_look_down_{side}")], axis=1))
-    return np.clip(np.stack(looks, axis=1), -1, 1)
+        gazes.append(np.stack([aside, value(f"eye_look_up_{side}") - value(f"eye_look_down_{side}")], axis=1))
+    return np.clip(np.stack(gazes, axis=1), -1, 1)
 
 
 def draw_expression(dice):

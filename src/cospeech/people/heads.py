@@ -3,7 +3,7 @@
 import numpy as np
 
 from cospeech.people.faces import HEIGHT, TRIANGLES, normals
-from cospeech.people.painting.looks import BALD, BUN, CURLS, LONG, MEDIUM
+from cospeech.people.painting.materials import BALD, BUN, CURLS, LONG, MEDIUM
 
 SKULL, HALF = (0.0, 0.022, -0.010), np.array([0.0745, 0.089, 0.097])  # metres, of a head of HEIGHT
 HAIRLINE = (np.array([0.0, -1.0, 0.625]), -0.1)  # through forehead, ears and nape of the unit sphere
@@ -30,12 +30,12 @@ def skull_center(head_top, head, height):
 class _Head:
     """Places things given in metres in the axes of a head of HEIGHT."""
 
-    def __init__(self, solids, figure):
-        self.solids, self.frame, self.skin = solids, figure.head, figure.skin
-        self.center = skull_center(figure.joint("head_top"), figure.head, figure.height)
-        self.scale = figure.height / HEIGHT
-        self.left, self.up, self.forward = np.moveaxis(figure.head, 2, 0)
-        self.normals = normals((figure.skin - self.center[:, None]) @ figure.head) @ np.swapaxes(figure.head, 1, 2)
+    def __init__(self, solids, bodies):
+        self.solids, self.frame, self.skin = solids, bodies.head, bodies.skin
+        self.center = skull_center(bodies.joint("head_top"), bodies.head, bodies.height)
+        self.scale = bodies.height / HEIGHT
+        self.left, self.up, self.forward = np.moveaxis(bodies.head, 2, 0)
+        self.normals = normals((bodies.skin - self.center[:, None]) @ bodies.head) @ np.swapaxes(bodies.head, 1, 2)
 
     def shift(self, x, y, z):
         """(N, 3) a step of x, y, z metres, each a number or (N,), along the head's axes."""
@@ -61,48 +61,48 @@ class _Head:
         self.solids.mesh(points, self.normals, triangles, color, "head")
 
 
-def add_head(solids, figure, looks):
-    """Add the heads of `Figure`s with `Looks` to `Solids`."""
-    head = _Head(solids, figure)
-    _skull(head, looks)
-    _hair(head, looks)
-    head.patch(WHITES, np.clip(0.30 * looks.skin + 0.64, 0, 1), 0.0010)
+def add_head(solids, bodies, materials):
+    """Add the heads of `Bodies` with `Materials` to `Solids`."""
+    head = _Head(solids, bodies)
+    _skull(head, materials)
+    _hair(head, materials)
+    head.patch(WHITES, np.clip(0.30 * materials.skin + 0.64, 0, 1), 0.0010)
     for side, lids in enumerate(((36, 37, 38, 39, 40, 41), (42, 43, 44, 45, 46, 47))):
-        _iris(head, looks, lids, figure.gaze[:, side])
+        _iris(head, materials, lids, bodies.gaze[:, side])
     for brow in (range(17, 21), range(22, 26)):
         for i in brow:
-            head.cone(head.mark(i), head.mark(i + 1), 0.0030, 0.0030, 0.8 * looks.hair + 0.1 * looks.skin)
+            head.cone(head.mark(i), head.mark(i + 1), 0.0030, 0.0030, 0.8 * materials.hair + 0.1 * materials.skin)
     for a, b in ((36, 37), (37, 38), (38, 39), (42, 43), (43, 44), (44, 45)):
-        head.cone(head.mark(a, 0.0005), head.mark(b, 0.0005), 0.0015, 0.0015, looks.hair * 0.4)
-    _mouth(head, looks)
-    _glasses(head, looks)
+        head.cone(head.mark(a, 0.0005), head.mark(b, 0.0005), 0.0015, 0.0015, materials.hair * 0.4)
+    _mouth(head, materials)
+    _glasses(head, materials)
 
 
-def _skull(head, looks):
+def _skull(head, materials):
     """Skull, the inside of the face, skin and ears. What closes the face behind lies within its skin."""
-    head.ellipsoid(SKULL, HALF, looks.skin)
+    head.ellipsoid(SKULL, HALF, materials.skin)
     jaw = head.mark(8) + head.shift(0, 0.030, -0.036)
-    shadow = np.where(looks.beard[:, None], 0.45 * looks.skin + 0.45 * looks.hair, looks.skin)
-    head.cone(head.at(0, -0.012, 0.004), jaw, 0.066, 0.026, looks.skin)
+    shadow = np.where(materials.beard[:, None], 0.45 * materials.skin + 0.45 * materials.hair, materials.skin)
+    head.cone(head.at(0, -0.012, 0.004), jaw, 0.066, 0.026, materials.skin)
     for i in (4, 12):
         head.cone(head.mark(i) + head.shift(0.022 if i == 4 else -0.022, 0.014, -0.006), jaw, 0.014, 0.024, shadow)
-    color = np.repeat(looks.skin[:, None], len(TRIANGLES), 1)
+    color = np.repeat(materials.skin[:, None], len(TRIANGLES), 1)
     color[:, BEARDED[TRIANGLES].sum(axis=1) == 3] = shadow[:, None]
     head.patch(TRIANGLES, color, 0.0)
-    nose = np.clip(looks.skin * [1.0, 0.95, 0.94], 0, 1)
+    nose = np.clip(materials.skin * [1.0, 0.95, 0.94], 0, 1)
     head.cone(head.mark(27, -0.0095), head.mark(30, -0.0115), 0.0080, 0.0122, nose)
     for i, aside in ((31, 0.004), (35, -0.004)):
         wing = head.mark(i) + head.shift(aside, 0.004, -0.006)
         head.cone(wing, wing, 0.0080, 0, nose)
         hole = head.mark(32 if i == 31 else 34) + head.shift(0, -0.0005, 0.002)
-        head.cone(hole, hole, 0.0026, 0, looks.skin * 0.35)
+        head.cone(hole, hole, 0.0026, 0, materials.skin * 0.35)
     for sign in (-1, 1):
-        head.ellipsoid((sign * 0.075, -0.002, -0.016), (0.011, 0.031, 0.019), looks.skin * [0.98, 0.92, 0.91])
+        head.ellipsoid((sign * 0.075, -0.002, -0.016), (0.011, 0.031, 0.019), materials.skin * [0.98, 0.92, 0.91])
 
 
-def _hair(head, looks):
+def _hair(head, materials):
     """A cap down to the hairline, and for some hair that hangs or a bun."""
-    hair, style = looks.hair, looks.style
+    hair, style = materials.hair, materials.style
     half = HALF + np.where(style[:, None] == CURLS, 0.022, [0.004, 0.007, 0.006])
     row = head.solids.ellipsoid(
         head.at(*SKULL), head.frame, half * head.scale[:, None], hair, "hair", plane=HAIRLINE, hole=True
@@ -119,14 +119,14 @@ def _hair(head, looks):
     head.cone(bun, bun, 0.042, 0, hair, "hair", shown=style == BUN)
 
 
-def _iris(head, looks, lids, gaze):
+def _iris(head, materials, lids, gaze):
     """Iris and pupil of one eye, cut off by its lids (indices of six landmarks)."""
     corners = head.skin[:, lids]
     middle = corners.mean(axis=1)
     height = np.einsum("nki,ni->nk", corners - middle[:, None], head.up) / head.scale[:, None]
     high, low = np.sort(height, axis=1)[:, -2:].mean(axis=1), np.sort(height, axis=1)[:, :2].mean(axis=1)
     lean = np.repeat(head.normals[:, lids].mean(axis=1)[:, None], len(ROUND), 1)
-    for radius, color, lift in ((0.0066, looks.iris, 0.0026), (0.0031, looks.iris * 0.12, 0.0034)):
+    for radius, color, lift in ((0.0066, materials.iris, 0.0026), (0.0031, materials.iris * 0.12, 0.0034)):
         x = gaze[:, :1] * 0.006 + radius * np.cos(ROUND)
         y = np.clip(gaze[:, 1:] * 0.004 + 0.001 + radius * np.sin(ROUND), low[:, None], high[:, None])
         flat = x[..., None] * head.left[:, None] + y[..., None] * head.up[:, None] + lift * head.forward[:, None]
@@ -134,8 +134,8 @@ def _iris(head, looks, lids, gaze):
         head.solids.mesh(points, lean, FAN[: len(ROUND) - 2], color, "head")
 
 
-def _mouth(head, looks):
-    head.patch(LIPS, np.clip(looks.lips, 0, 1), 0.0012)
+def _mouth(head, materials):
+    head.patch(LIPS, np.clip(materials.lips, 0, 1), 0.0012)
     head.patch(GAP, [0.25, 0.08, 0.08], 0.0016)
     gap = np.linalg.norm(head.skin[:, 62] - head.skin[:, 66], axis=1) / head.scale
     upper = np.stack([head.mark(i, 0.0022) for i in (61, 62, 63)], axis=1)
@@ -145,8 +145,8 @@ def _mouth(head, looks):
     head.solids.mesh(np.concatenate([upper, lower], axis=1), lean, teeth, [0.93, 0.92, 0.88], "head")
 
 
-def _glasses(head, looks):
-    color, shown = looks.hair * 0.35, looks.glasses
+def _glasses(head, materials):
+    color, shown = materials.hair * 0.35, materials.glasses
     for corners, sign in (((36, 39), -1), ((42, 45), 1)):
         middle = (head.mark(corners[0], 0.012) + head.mark(corners[1], 0.012)) / 2
         rim = [middle + head.shift(0.025 * np.cos(a), 0.021 * np.sin(a) - 0.002, 0) for a in ROUND]

@@ -59,8 +59,8 @@ def look_at(directions, distance, target):
     person = Rotation.from_euler("Y", yaw[:, None], degrees=True).as_matrix()
     tilt = Rotation.from_euler("XZ", np.stack([pitch, roll], axis=1), degrees=True).as_matrix()
     rotation = FLIP @ tilt @ person
-    ahead = np.stack([0 * distance, 0 * distance, distance], axis=1)
-    return rotation, ahead - np.einsum("nij,nj->ni", rotation, target)
+    in_front = np.stack([0 * distance, 0 * distance, distance], axis=1)
+    return rotation, in_front - np.einsum("nij,nj->ni", rotation, target)
 
 
 def crop_view(rotation, translation, points, size, margin, anchors, labelled):

@@ -1,1 +1,1 @@
-"""The painter of synthetic people: solids with their looks, traced into pictures, and the places they stand in."""
+"""The painter of synthetic people: solids with their materials, traced into pictures, and the places they stand in."""

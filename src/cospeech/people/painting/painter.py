@@ -17,11 +17,11 @@ from cospeech.errors import CospeechError
 from cospeech.face.expressions import COSPEECH64
 from cospeech.people import faces
 from cospeech.people.anthropometry import INDEX, JOINTS61, TABLE, draw_build
-from cospeech.people.bodies import Figure, figure_solids
+from cospeech.people.bodies import Bodies, body_solids
 from cospeech.people.dice import Dice
 from cospeech.people.heads import skull_center
 from cospeech.people.painting import raster, scenes
-from cospeech.people.painting.looks import Looks, draw_looks
+from cospeech.people.painting.materials import Materials, draw_materials
 from cospeech.people.painting.solids import unit
 from cospeech.skeleton import UPPER55
 
@@ -32,9 +32,9 @@ HEAD_SHARE = TABLE["lengths"]["head"] / np.linalg.norm(CROWN)  # of the way from
 
 @dataclass(frozen=True)
 class Appearance:
-    """One person's looks (`Looks` of one), girth, female and face (8,), as drawn by `draw_appearance`."""
+    """One person's `Materials` (of one), girth, female and face (8,), as drawn by `draw_appearance`."""
 
-    looks: Looks
+    materials: Materials
     girth: float
     female: bool
     face: np.ndarray
@@ -46,8 +46,8 @@ def draw_appearance(name, domain="studio", seed=0, female=None):
     build = draw_build(dice)
     if female is not None:
         build.female[:] = female
-    looks = draw_looks(dice, domain, build.female, build.age)
-    return Appearance(looks, float(build.girth[0]), bool(build.female[0]), build.face[0])
+    materials = draw_materials(dice, domain, build.female, build.age)
+    return Appearance(materials, float(build.girth[0]), bool(build.female[0]), build.face[0])
 
 
 def head_axes(joints):
@@ -58,10 +58,10 @@ def head_axes(joints):
     """
     neck = joints[:, INDEX["neck"]]
     line = unit(joints[:, INDEX["head_top"]] - neck)
-    ahead = joints[:, INDEX["head"]] - neck
-    ahead = unit(ahead - line * np.sum(ahead * line, axis=1, keepdims=True))
+    front = joints[:, INDEX["head"]] - neck
+    front = unit(front - line * np.sum(front * line, axis=1, keepdims=True))
     lean = np.arctan2(CROWN[2], CROWN[1])
-    up, forward = np.cos(lean) * line - np.sin(lean) * ahead, np.cos(lean) * ahead + np.sin(lean) * line
+    up, forward = np.cos(lean) * line - np.sin(lean) * front, np.cos(lean) * front + np.sin(lean) * line
     return np.stack([np.cross(up, forward), up, forward], axis=2)
 
 
@@ -100,11 +100,11 @@ def person_solids(joints, appearance, *, head=None, expression=None, seated=Fals
     skin = faces.skin(np.repeat(appearance.face[None], count, 0), expression) * (height / faces.HEIGHT)[:, None, None]
     skin = skull_center(crown, head, height)[:, None] + skin @ np.swapaxes(head, 1, 2)
     alike = np.zeros(count, int)
-    person = Figure(
+    person = Bodies(
         joints, head, height, skin, faces.gaze(expression),
         np.full(count, appearance.girth), np.full(count, appearance.female),
     )  # fmt: skip
-    return figure_solids(person, appearance.looks[alike])
+    return body_solids(person, appearance.materials[alike])
 
 
 class Canvas:

@@ -5,8 +5,8 @@ import numpy as np
 
 from cospeech.people.anthropometry import INDEX
 from cospeech.people.painting import raster
-from cospeech.people.painting.looks import colors
-from cospeech.people.painting.solids import STRANGER, THING, Solids, unit
+from cospeech.people.painting.materials import colors
+from cospeech.people.painting.solids import BYSTANDER, THING, Solids, unit
 
 STUDIO = np.array([[0.18, 0.62, 0.25], [0.72, 0.73, 0.74], [0.45, 0.50, 0.58], [0.86, 0.86, 0.85], [0.30, 0.31, 0.33]])
 
@@ -104,10 +104,10 @@ def _before(solids, dice, room, joints):
     solids.box(seen, room.turned(dice.uniform(-1, 1)), half, color, THING)
 
 
-def strangers(dice, rows, view):
+def bystanders(dice, rows, view):
     """Solids of other people, made from those of the person beside each in the block: (N, P, COLUMNS).
 
-    They stand behind the person, aside, and belong to the part STRANGER.
+    They stand behind the person, aside, and belong to the part BYSTANDER.
     """
     shown = dice.chance(0.12)
     other = np.roll(rows, 1, axis=0).copy()
@@ -119,7 +119,7 @@ def strangers(dice, rows, view):
     flat = other[:, :, raster.KIND] == raster.TRIANGLE
     for column in (slice(3, 6), raster.END):
         other[:, :, column] += np.where(flat[..., None], own, 0)
-    other[:, :, raster.PART] = STRANGER
+    other[:, :, raster.PART] = BYSTANDER
     other[~shown] = 0  # spheres of no size
     return other
 

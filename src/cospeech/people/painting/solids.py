@@ -9,7 +9,7 @@ PARTS = (
     "left_forearm", "left_hand", "right_thigh", "right_shank", "right_foot", "left_thigh", "left_shank", "left_foot",
 )  # fmt: skip
 CODE = {name: i for i, name in enumerate(PARTS)}  # of the person; things and other people follow
-THING, STRANGER = 100, 200
+THING, BYSTANDER = 100, 200
 
 
 class Solids:
@@ -35,12 +35,12 @@ class Solids:
         self._rows.append(row[:, None])
         return row
 
-    def cone(self, start, end, radius, radius2, color, part, *, axes=None, plane=None, hole=False, **look):
+    def cone(self, start, end, radius, radius2, color, part, *, axes=None, plane=None, hole=False, **material):
         """The hull of two spheres, or of two ellipsoids: q = axes (p - start), axes (N, 3, 3), in which radii are.
 
         plane (n (3,) or (N, 3), d) in q: beyond it the second colour, or nothing where `hole`.
         """
-        row = self._new(raster.CONE, part, color, **look)
+        row = self._new(raster.CONE, part, color, **material)
         row[:, raster.ORIGIN] = start
         way = end - start
         if axes is None:
@@ -54,14 +54,14 @@ class Solids:
             row[:, 25:28], row[:, 28], row[:, raster.HOLE] = plane[0], plane[1], hole
         return row
 
-    def ellipsoid(self, center, frame, half, color, part, **look):
+    def ellipsoid(self, center, frame, half, color, part, **material):
         """half (3,) or (N, 3): half axes along the columns of frame (N, 3, 3); in q it is the unit sphere."""
         axes = np.swapaxes(frame, 1, 2) / np.broadcast_to(half, (self.count, 3))[..., None]
-        return self.cone(center, center, 1.0, 1.0, color, part, axes=axes, **look)
+        return self.cone(center, center, 1.0, 1.0, color, part, axes=axes, **material)
 
-    def box(self, center, frame, half, color, part, **look):
+    def box(self, center, frame, half, color, part, **material):
         """half (3,) or (N, 3): half sides along the columns of frame (N, 3, 3)."""
-        row = self._new(raster.BOX, part, color, **look)
+        row = self._new(raster.BOX, part, color, **material)
         row[:, raster.ORIGIN], row[:, raster.AXES] = center, np.swapaxes(frame, 1, 2).reshape(-1, 9)
         row[:, raster.END] = half
         return row

@@ -1,4 +1,4 @@
-"""What the synthetic people look like: skin, hair, clothes. `studio` is sober, `wild` is whatever people wear."""
+"""Materials of the synthetic people: skin, hair, clothes. `studio` is sober, `wild` is whatever people wear."""
 
 from dataclasses import dataclass, fields
 
@@ -24,7 +24,7 @@ IRISES = np.array([[0.30, 0.20, 0.12], [0.30, 0.42, 0.55], [0.35, 0.42, 0.28], [
 
 
 @dataclass
-class Looks:
+class Materials:
     """N people. Colours (N, 3), 0 to 1: skin, hair, top, top2 (of its pattern), bottom, shoes, lips, iris.
 
     style (N,) of the hair. sleeves, legs (N,): how far cloth reaches, 1 elbow or knee, 2 wrist or ankle; above it is
@@ -51,7 +51,7 @@ class Looks:
 
     def __getitem__(self, chosen):
         """The people at an index array."""
-        return Looks(*(getattr(self, f.name)[chosen] for f in fields(self)))
+        return Materials(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
 
 def colors(dice, strength=1.0):
@@ -61,8 +61,8 @@ def colors(dice, strength=1.0):
     return value[:, None] * (1 - saturation[:, None] * strength * (1 - wheel))
 
 
-def draw_looks(dice, domain, female, age):
-    """Draw `Looks` for people whose sex (N,) bool and age (N,) are known; domain "studio" or "wild"."""
+def draw_materials(dice, domain, female, age):
+    """Draw `Materials` for people whose sex (N,) bool and age (N,) are known; domain "studio" or "wild"."""
     wild = domain == "wild"
     skin = np.clip(dice.pick(SKIN) * dice.normal(1, 0.04)[:, None], 0, 1)
     hair = dice.pick(HAIR[:5]) * dice.normal(1, 0.15)[:, None]
@@ -80,7 +80,7 @@ def draw_looks(dice, domain, female, age):
     sleeves = np.where(dice.chance(0.6), 1.95, dice.uniform(0.35, 1.0)) if wild else dice.pick([0.65, 1.95, 1.95])
     legs = np.where(dice.chance(0.85), 1.95, dice.uniform(0.6, 1.1)) if wild else np.full(len(dice), 1.95)
     lips = skin * [0.92, 0.62, 0.62] * np.where(female & dice.chance(0.4), 0.85, 1.0)[:, None]
-    return Looks(
+    return Materials(
         skin, np.clip(hair, 0, 1), top, top2, bottom, colors(dice, 0.5) * 0.6 if wild else 0.3 * top + 0.1, lips,
         dice.pick(IRISES), style, sleeves, legs, dice.uniform(1.05, 1.4 if wild else 1.15), pattern, period,
         ~female & (age > 20) & dice.chance(0.3), female & dice.chance(0.2 if wild else 0.0),
