@@ -78,7 +78,7 @@ def main():
     at = 0
     for i, sentence in enumerate(request["sentences"]):
         before = round(sentence["pause"] * voice.rate)
-        samples, heard = voice.say(sentence)
+        samples, spoken_events = voice.say(sentence)
         if at + before + len(samples) // 2 > total:
             refused += 1
             if refused == TOO_LONG_IN_A_ROW:
@@ -87,7 +87,7 @@ def main():
         refused = 0
         audio += [bytes(2 * before), samples]
         spoken.append({"sentence": i, "offset": at + before, "samples": len(samples) // 2})
-        events += [(i, *event) for event in heard]
+        events += [(i, *event) for event in spoken_events]
         at += before + len(samples) // 2
     audio.append(bytes(2 * (total - at)))
     head = json.dumps({"rate": voice.rate, "spoken": spoken, "events": events})

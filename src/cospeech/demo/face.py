@@ -37,7 +37,7 @@ def animate_face(speech, prosody, rotation, parameters, fps, rng):
     add(furrow, "brow_furrow", "brow_down_left", "brow_down_right")
     blink = _blinks(speech, style["blink"], frames, fps, rng)
     add(blink, "eye_blink_left", "eye_blink_right")
-    _look(add, rotation, frames, fps, rng)
+    _gaze(add, rotation, frames, fps, rng)
     return np.clip(weights, 0, 1)
 
 
@@ -117,12 +117,12 @@ def _blinks(speech, interval, frames, fps, rng):
     return np.where(away < 0, np.clip(1 + away / BLINK[0], 0, 1), np.clip(1 - away / BLINK[1], 0, 1)) ** 1.5
 
 
-def _look(add, rotation, frames, fps, rng):
+def _gaze(add, rotation, frames, fps, rng):
     """Eyes: they run ahead of the head's turns, and wander in small jumps."""
     hold = rng.normal(0, 0.05, (int(frames / fps / 0.7) + 2, 2))[(np.arange(frames) / fps / 0.7).astype(int)]
-    ahead = np.roll(rotation, -int(0.12 * fps), axis=0)
-    aside = gaussian_filter1d(2.0 * (ahead - rotation)[:, 1] + hold[:, 0], 0.02 * fps, mode="nearest")
-    down = gaussian_filter1d(1.0 * (ahead - rotation)[:, 0] + hold[:, 1], 0.02 * fps, mode="nearest")
+    rolled = np.roll(rotation, -int(0.12 * fps), axis=0)
+    aside = gaussian_filter1d(2.0 * (rolled - rotation)[:, 1] + hold[:, 0], 0.02 * fps, mode="nearest")
+    down = gaussian_filter1d(1.0 * (rolled - rotation)[:, 0] + hold[:, 1], 0.02 * fps, mode="nearest")
     add(np.clip(aside, 0, 1), "eye_look_out_left", "eye_look_in_right")
     add(np.clip(-aside, 0, 1), "eye_look_in_left", "eye_look_out_right")
     add(np.clip(down, 0, 1), "eye_look_down_left", "eye_look_down_right")
