@@ -6,7 +6,7 @@ import pytest
 
 from cospeech.cli import main
 from cospeech.errors import CospeechError
-from cospeech.render.character.figure import BACKGROUND, Figure, framing
+from cospeech.render.character.figure import BACKGROUND, Character, framing
 from cospeech.render.exposure import long_exposure
 from cospeech.render.video import still
 from cospeech.skeleton import RIGHT_HAND, UPPER55
@@ -43,7 +43,7 @@ def test_who_does_not_move_leaves_no_ghosts(make_clip, tmp_path):
 
 def test_earlier_poses_are_fainter_and_where_they_were(raised, tmp_path):
     picture = taken(tmp_path / "a.png", raised, 0.0, 1.9, poses=3, paths=False)
-    camera = framing([Figure(raised.positions)], [raised.positions], *SIZE)
+    camera = framing([Character(raised.positions)], [raised.positions], *SIZE)
     strength = []
     for frame in (0, 14, 28):
         x, y, _ = camera.project(raised.positions[frame, UPPER55.index["right_wrist"]]).round().astype(int)
@@ -53,7 +53,7 @@ def test_earlier_poses_are_fainter_and_where_they_were(raised, tmp_path):
 
 def test_paths_follow_the_wrists(raised, tmp_path):
     plain, traced = (taken(tmp_path / "a.png", raised, 0.0, 1.9, poses=1, paths=paths) for paths in (False, True))
-    camera = framing([Figure(raised.positions)], [raised.positions], *SIZE)
+    camera = framing([Character(raised.positions)], [raised.positions], *SIZE)
     seen = camera.project(raised.positions[:29, UPPER55.index["right_wrist"]])[:, :2]
     changed = np.argwhere(np.abs(plain - traced).max(-1) > 30)[:, ::-1]
     right = changed[changed[:, 0] < SIZE[0] / 2]

@@ -7,7 +7,7 @@ import pytest
 from cospeech.errors import CospeechError
 from cospeech.face.expressions import COSPEECH64
 from cospeech.face.model import FaceModel, embedded
-from cospeech.render.character.figure import BACKGROUND, Figure, framing
+from cospeech.render.character.figure import BACKGROUND, Character, framing
 from cospeech.render.character.head import Head, face_of
 from cospeech.render.character.mesh import capsule_template, capsules
 from cospeech.render.character.triangles import SAMPLES, Camera, Painter
@@ -20,7 +20,7 @@ IRIS = (75, 55, 30), (130, 100, 70)  # from, to: blue, green, red in any light
 def drawn(clip, frame=0, camera=None, **changes):
     """The picture (H, W, 3) of one frame, and its mesh; `changes` replace rotation or expression."""
     face, known = face_of(clip)
-    figure = Figure(clip.positions, face)
+    figure = Character(clip.positions, face)
     camera = camera or framing([figure], [clip.positions], WIDTH, HEIGHT)
     part = slice(frame, frame + 1)
     rotation = changes.get("rotation", None if clip.rotation is None else clip.rotation[part])
@@ -114,7 +114,7 @@ def test_what_leaves_the_picture_is_cut_off():
 def test_every_joint_of_every_frame_is_in_the_picture(make_clip):
     clip = make_clip()
     clip.positions[7, UPPER55.joints("left_middle_3")] = [0.8, 0.9, 0.3]
-    figure = Figure(clip.positions)
+    figure = Character(clip.positions)
     pixels = framing([figure], [clip.positions], WIDTH, HEIGHT).project(clip.positions)
     assert (pixels[..., :2] > 0).all() and (pixels[..., 0] < WIDTH).all() and (pixels[..., 1] < HEIGHT).all()
 
@@ -133,7 +133,7 @@ def test_mirrored_motion_gives_the_mirrored_outline(make_clip):
     twin.positions = (clip.positions * np.float32([-1, 1, 1]))[:, UPPER55.mirror]
     masks = []
     for each in (clip, twin):
-        figure = Figure(each.positions)
+        figure = Character(each.positions)
         painter = Painter(framing([figure], [clip.positions], WIDTH, HEIGHT))
         picture = np.full((HEIGHT, WIDTH, 3), BACKGROUND, np.uint8)
         points, _ = figure.pose(each.positions[3:4])
@@ -208,7 +208,7 @@ def test_the_head_moves_as_the_face_model_says():
 def test_a_head_is_closed_all_around(make_clip):
     """From any side and height nothing behind the head is seen through it."""
     clip = make_clip()
-    figure = Figure(clip.positions)
+    figure = Character(clip.positions)
     points, _ = figure.pose(clip.positions[:1], clip.rotation[:1])
     first = len(points[0]) - len(figure.props) - len(figure.head.mean)
     head = slice(first, first + len(figure.head.mean))
@@ -249,7 +249,7 @@ def test_a_face_model_of_the_users_own_moves_the_face(make_clip, tmp_path):
 @pytest.mark.parametrize("posture", ["standing", "sitting"])
 def test_legs_stand_on_the_floor_and_are_seen_whole(make_clip, posture):
     clip = make_clip()
-    figure = Figure(clip.positions, posture=posture)
+    figure = Character(clip.positions, posture=posture)
     points, _ = figure.pose(clip.positions[:2])
     floor = figure.props[:, 1].min()
     assert points[..., 1].min() == pytest.approx(floor, abs=1e-6)
@@ -263,8 +263,8 @@ def test_legs_stand_on_the_floor_and_are_seen_whole(make_clip, posture):
 
 def test_a_posture_that_is_none_is_named(make_clip):
     with pytest.raises(CospeechError, match="'kneeling'; expected standing, sitting or none"):
-        Figure(make_clip().positions, posture="kneeling")
-    assert len(Figure(make_clip().positions, posture="none").props) == 0
+        Character(make_clip().positions, posture="kneeling")
+    assert len(Character(make_clip().positions, posture="none").props) == 0
 
 
 def test_mesh_follows_the_scale_of_the_skeleton(make_clip):

@@ -14,7 +14,7 @@ import pytest
 from cospeech.clip import Words
 from cospeech.commands import player as command
 from cospeech.errors import CospeechError
-from cospeech.render.character.figure import BACKGROUND, FADE, TITLE, Figure
+from cospeech.render.character.figure import BACKGROUND, FADE, TITLE, Character
 from cospeech.render.character.puppet import JOINTS, make_puppets, rebuild
 from cospeech.render.character.triangles import Camera, Painter
 from cospeech.render.pages.player_page import embedded, player_data, player_html, player_script, write_player
@@ -132,7 +132,7 @@ def test_every_vertex_is_where_the_films_have_it(show, make_clip, posture):
     lean = UPPER55.joints("spine", "neck", "head", "head_top", "left_shoulder", "right_shoulder")
     clip.positions[:, lean] += (0.05 * wave[:, None] * [1, 0.2, 1]).astype(np.float32)
     page = show(("still", make_clip(3)), ("a", clip), posture=posture)
-    figure = Figure(clip.positions, posture=posture)
+    figure = Character(clip.positions, posture=posture)
     points, _ = figure.pose(clip.positions, clip.rotation, clip.expression)
     moving = points.shape[1] - len(figure.props)  # all panels share the stool of the first
     for frame in (0, 11, 26):
@@ -151,7 +151,7 @@ def test_the_picture_is_that_of_the_films(show, make_clip, frame):
     picture = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
     height, width = picture.shape[:2]
     camera = Camera.containing(np.array(page.run("player.data.camera.points")), width, height, TITLE, FADE)
-    figure, part = Figure(clip.positions, posture="none"), slice(frame, frame + 1)
+    figure, part = Character(clip.positions, posture="none"), slice(frame, frame + 1)
     points, bright = figure.pose(clip.positions[part], clip.rotation[part], clip.expression[part])
     film = np.full((height, width, 3), BACKGROUND, np.uint8)
     Painter(camera).draw(film, points[0], bright[0], figure.triangles, figure.colors)

@@ -36,7 +36,7 @@ REST_FOREARM = 0.25
 
 
 @dataclass
-class Figure:
+class ConvertedMotion:
     """Motion as a clip has it: positions (T, 55, 3), root (T, 3), head rotation (T, 3), confidence (T, 55)."""
 
     positions: np.ndarray
@@ -67,15 +67,15 @@ def read_mocap_take(
     frames = round((end - start) * fps)
     if not frames:
         raise CospeechError(f"{motion}: the take from {start:g} s to {end:g} s has 0 frames at {fps:g} fps")
-    figure = convert(animation, mapping, frames, fps=fps, start=start, units=units, up=up, name=motion)
+    converted = convert(animation, mapping, frames, fps=fps, start=start, units=units, up=up, name=motion)
     share = _share_seen(seen, animation.fps, fps, frames, start)
-    figure.confidence *= share[:, None]
+    converted.confidence *= share[:, None]
     samples, rate = load_audio(audio, start=start, end=min(end, seconds))
     spoken = read_words(words) if words else find_words(audio)
     return Clip(
-        subject, clip, float(fps), figure.positions.astype(np.float32),
-        speech_features(samples, rate, fps=fps, frames=frames), confidence=figure.confidence.astype(np.float32),
-        root=figure.root.astype(np.float32), rotation=figure.rotation.astype(np.float32), valid=share > 0,
+        subject, clip, float(fps), converted.positions.astype(np.float32),
+        speech_features(samples, rate, fps=fps, frames=frames), confidence=converted.confidence.astype(np.float32),
+        root=converted.root.astype(np.float32), rotation=converted.rotation.astype(np.float32), valid=share > 0,
         words=cut_words(spoken or Words.none(), start, end), audio=audio_path, sample_rate=rate,
         loudness_lufs=integrated_loudness(samples, rate), source=Path(motion).name, source_sha256=sha256(motion),
     ).validate(motion)  # fmt: skip
@@ -129,7 +129,7 @@ def cut_words(words, start, end):
 
 
 def convert(animation, mapping, frames, fps=15.0, start=0.0, units=None, up=None, name="motion"):
-    """An `Animation` in its file's units and axes -> `Figure`: upper55 in the character's own axes at `fps`.
+    """An `Animation` in its file's units and axes -> `ConvertedMotion`: upper55 in the character's own axes at `fps`.
 
     Joint rotations and the root's path are resampled, and positions follow from them by forward kinematics, so bones
     keep their lengths. Heading (from hips and shoulders, smoothed over 0.5 s) is taken out of positions and head
@@ -157,7 +157,7 @@ def convert(animation, mapping, frames, fps=15.0, start=0.0, units=None, up=None
     relative = np.einsum("tji,tkj->tki", facing.as_matrix(), positions - pelvis[:, None])
     rotation = (facing.inv() * since_rest(points.head) * axes).as_rotvec()
     root = facing[take][0].inv().apply(pelvis[take])
-    return Figure(relative[take], rotation[take], root, np.tile(points.present.astype(float), (frames, 1)))
+    return ConvertedMotion(relative[take], rotation[take], root, np.tile(points.present.astype(float), (frames, 1)))
 
 
 def _resampled(animation, fps, frames, start):
@@ -314,6 +314,6 @@ def check_mapping(skeleton, motion):
     CospeechError where the mapping does not fit; notices tell what was guessed.
     """
     mapping, animation = load_mapping(skeleton), read_bvh(motion)
-    figure = convert(animation, mapping, len(animation), fps=animation.fps, name=motion)
-    lengths = np.linalg.norm(to_parent_relative(figure.positions), axis=-1)
+    converted = convert(animation, mapping, len(animation), fps=animation.fps, name=motion)
+    lengths = np.linalg.norm(to_parent_relative(converted.positions), axis=-1)
     return {n: (float(np.median(lengths[:, i])), float(np.ptp(lengths[:, i]))) for n, i in JOINT.items()}

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from cospeech.clip import Words
 from cospeech.errors import CospeechError
 from cospeech.files import writing
-from cospeech.render.character.figure import BACKGROUND, FADE, Figure, framing
+from cospeech.render.character.figure import BACKGROUND, FADE, Character, framing
 from cospeech.render.character.head import face_of
 from cospeech.render.character.triangles import Painter, fade_out
 
@@ -116,7 +116,7 @@ class Stage:
         self.whole = posture == "sitting" if whole is None else whole
         self.clips, faces = [clip for _, clip in panels], [face_of(clip, face) for _, clip in panels]
         self.expressions = [expression for _, expression in faces]
-        self.figures = [Figure(clip.positions, each, posture)
+        self.figures = [Character(clip.positions, each, posture)
                         for clip, (each, _) in zip(self.clips, faces, strict=True)]  # fmt: skip
         self.corners = [(i % columns * self.width, i // columns * self.height) for i in range(len(panels))]
         motions = [clip.positions for clip in self.clips]
@@ -125,7 +125,7 @@ class Stage:
         self.empty = _empty_picture(titles, self.corners, size, self.width, self.height)
 
     def areas(self, picture):
-        """[(area, Figure, Clip, expression)]: each panel's part of a picture (H, W, 3), and whom it shows."""
+        """[(area, Character, Clip, expression)]: each panel's part of a picture (H, W, 3), and whom it shows."""
         parts = [picture[top : top + self.height, left : left + self.width] for left, top in self.corners]
         return list(zip(parts, self.figures, self.clips, self.expressions, strict=True))
 

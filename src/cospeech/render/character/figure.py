@@ -48,7 +48,7 @@ class Limb:
 
 
 def _limbs(posture):
-    """Every capsule of the figure; points that are no joints are derived in `Figure.skeleton`."""
+    """Every capsule of the figure; points that are no joints are derived in `Character.skeleton`."""
     yield Limb("collar", "head_base", (0.052, 0.050), NECK, SIDES)
     for side, sleeve, hand in (("right", RIGHT_SLEEVE, RIGHT_HAND), ("left", LEFT_SLEEVE, LEFT_HAND)):
         yield Limb("nape", f"{side}_shoulder", (0.052, 0.050), SHIRT)
@@ -67,7 +67,7 @@ def _limbs(posture):
                 yield Limb(*joints, tuple(thick[bone : bone + 2]), hand, 8)
 
 
-class Figure:
+class Character:
     """The mesh of one character, sized from its own bones.
 
     Parameters: positions (T, 55, 3) of the clip to be drawn, from which sizes are taken (medians over time); face, a

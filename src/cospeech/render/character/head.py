@@ -49,7 +49,7 @@ def face_of(clip, face=None):
 
 
 class Head:
-    """The head's mesh. triangles (F, 3) int32 and unlit colors (F, 3), of each triangle, as in `Figure`.
+    """The head's mesh. triangles (F, 3) int32 and unlit colors (F, 3), of each triangle, as in `Character`.
 
     All vertices are linear in the expression: mean (V, 3) + expression @ basis (E, V * 3), metres, in the frame of the
     embedded face model.

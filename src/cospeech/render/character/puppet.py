@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.render.character.figure import Figure
+from cospeech.render.character.figure import Character
 from cospeech.render.character.head import face_of
 from cospeech.skeleton import UPPER55
 
@@ -34,7 +34,7 @@ class Shape:
 @dataclass
 class Puppet:
     """One panel's motion: joints (T, J, 3) metres in the order of JOINTS, head (T, 4) quaternion x y z w, weights
-    {"trunk", "head": (T, K)}, scale as `Figure.scale`, fps."""
+    {"trunk", "head": (T, K)}, scale as `Character.scale`, fps."""
 
     joints: np.ndarray
     head: np.ndarray
@@ -90,12 +90,12 @@ def rebuild(shape, weights):
 
 
 def make_puppets(clips, posture, face=None):
-    """[Figure], [Puppet] and {"trunk", "head": Shape} of clips, all of which share the shapes.
+    """[Character], [Puppet] and {"trunk", "head": Shape} of clips, all of which share the shapes.
 
-    posture as of `Figure`; face as of `face_of`.
+    posture as of `Character`; face as of `face_of`.
     """
     faces = [face_of(clip, face) for clip in clips]
-    figures = [Figure(clip.positions, each, posture) for clip, (each, _) in zip(clips, faces, strict=True)]
+    figures = [Character(clip.positions, each, posture) for clip, (each, _) in zip(clips, faces, strict=True)]
     posed = [pose(figure, clip, expression) for figure, clip, (_, expression) in
              zip(figures, clips, faces, strict=True)]  # fmt: skip
     trunk, trunks = fit_shape([each[2] for each in posed], TOLERANCE)

@@ -115,7 +115,7 @@ def _limbs(figure):
 def _mesh(figure, shapes):
     """{name: array}: the triangles of one character, their colours, and what its vertices are made of.
 
-    Vertices stand in the order of `Figure`; a panel differs from another in its motion alone.
+    Vertices stand in the order of `Character`; a panel differs from another in its motion alone.
     """
     arrays = {"props": np.float32(figure.props / figure.scale)}
     for sides, (directions, end, _) in figure.templates.items():
