@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from cospeech.body.build import Build
 from cospeech.clip import Clip, speaker_build
 from cospeech.errors import CospeechNotice
 from cospeech.formats.export import export_clip
@@ -17,7 +18,7 @@ from cospeech.gestures.generator import Recordings, Speech
 from cospeech.matching import Database
 from cospeech.matching.knn import RANK
 from cospeech.matching.search.similarity import Settings, train_similarity
-from cospeech.skeleton import BASES, CHAINS, HAND_ROOTS, UPPER55, Build, bone_lengths, to_parent_relative
+from cospeech.skeleton import BASES, CHAINS, HAND_ROOTS, UPPER55, bone_lengths, to_parent_relative
 from cospeech.speech import write_wav
 from cospeech.split import split_clips
 from cospeech.synthesis import load, synthesize, train

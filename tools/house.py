@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # The rooms of src/cospeech from the ground up: a module imports from its own room and from those before it.
 ORDER = [
-    *("errors", "files", "skeleton", "rotation", "clip", "track"),
+    *("errors", "files", "skeleton", "rotation", "body", "clip", "track"),
     *("face", "speech", "formats", "capture"),
     *("learning", "split"),
     *("posenet", "people", "gestures", "matching", "synthesis"),

@@ -124,6 +124,13 @@ def between(a, b):
     return quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
 
 
+def rotations_between(shape, points):
+    """The rotations that bring a shape (..., P, 3) nearest to points (T, ..., P, 3): (T, ..., 3, 3) (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd(np.einsum("t...pi,...pj->t...ij", points, shape))
+    u[..., :, 2] *= np.linalg.det(u @ vt)[..., None]  # a rotation, never a reflection
+    return u @ vt
+
+
 def swing_twist(quaternions, axis):
     """Split each rotation into swing * twist: (..., 4), axis (3,) -> two (..., 4).
 

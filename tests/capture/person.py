@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cospeech.body.anatomy import rest_hand
 from cospeech.face.model import embedded
-from cospeech.formats.mocap import rest_hand
 from cospeech.skeleton import BODY, LEFT_HAND, RIGHT_HAND, UPPER55, Skeleton
 from cospeech.track import Camera, Points, Track
 

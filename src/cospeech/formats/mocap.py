@@ -7,32 +7,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cospeech.body.anatomy import HEADING_SECONDS, REST_FOREARM, TORSO_AND_ARM, UP, facing_of, left_of, rest_hand
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError, notice
 from cospeech.files import load_arrays, sha256
 from cospeech.formats.bvh import read_bvh
 from cospeech.formats.mapping import AXES, UNITS, check_choice, load_mapping, metres
 from cospeech.formats.smplx_motion import is_smplx, smplx_animation
-from cospeech.rotation import between, heading, resample, resample_rotations
+from cospeech.rotation import between, resample, resample_rotations
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, to_parent_relative
 
-TORSO_AND_ARM = 1.1  # metres: pelvis-spine-neck plus shoulder-elbow-wrist of an adult, to guess units by
-LIKELY = 0.75, 1.6  # metres of the same, beyond which a guess makes a dwarf or a giant
-HEADING_SECONDS = 0.5  # sigma of the Gaussian that smooths the heading
-UP = np.array([0.0, 1.0, 0.0])
+LIKELY = 0.75, 1.6  # metres of torso and arm, beyond which a guess of the unit makes a dwarf or a giant
 JOINT = UPPER55.index
-
-# A relaxed left hand, palm down in a T-pose: knuckle (x to the fingers, y up, z to the thumb) and the lengths of the
-# three bones, metres, for a forearm of 0.25 m; degrees by which the bones hang.
-REST_HAND = {
-    "thumb": ((0.025, -0.010, 0.030), (0.045, 0.032, 0.027)),
-    "index": ((0.095, 0.000, 0.025), (0.043, 0.025, 0.020)),
-    "middle": ((0.095, 0.002, 0.002), (0.047, 0.030, 0.022)),
-    "ring": ((0.088, 0.000, -0.018), (0.043, 0.028, 0.021)),
-    "little": ((0.078, -0.003, -0.036), (0.033, 0.020, 0.018)),
-}
-REST_BEND = np.radians([15.0, 40.0, 60.0])
-REST_FOREARM = 0.25
 
 
 @dataclass
@@ -152,7 +138,7 @@ def convert(animation, mapping, frames, fps=15.0, start=0.0, units=None, up=None
 
     if not points.present.all():
         _add_hands(positions, points, points.positions(*rest, scale)[0], axes, since_rest, name)
-    facing = Rotation.from_rotvec(heading(_left(positions), fps, HEADING_SECONDS)[:, None] * UP)
+    facing = facing_of(positions, fps)
     pelvis = positions[:, JOINT["pelvis"]]
     relative = np.einsum("tji,tkj->tki", facing.as_matrix(), positions - pelvis[:, None])
     rotation = (facing.inv() * since_rest(points.head) * axes).as_rotvec()
@@ -208,19 +194,12 @@ def _character_axes(points):
     up = np.sign(spine) * (np.abs(spine) == np.abs(spine).max())  # files stand along one of their axes
     if not np.linalg.norm(spine) or spine @ up < 0.8 * np.linalg.norm(spine):
         return None
-    left = _left(points[None])[0].sum(axis=0)
+    left = left_of(points[None])[0].sum(axis=0)
     left = left - up * (left @ up)
     if np.linalg.norm(left) < 0.5:
         return None
     left /= np.linalg.norm(left)
     return Rotation.from_matrix(np.stack([left, up, np.cross(left, up)], axis=1))
-
-
-def _left(positions):
-    """Unit directions to the left of hips and shoulders: (T, 55, 3) -> (T, 2, 3); zero where the joints coincide."""
-    left, right = UPPER55.joints("left_hip", "left_shoulder"), UPPER55.joints("right_hip", "right_shoulder")
-    across = positions[:, left] - positions[:, right]
-    return across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
 
 
 def _guess_units(points, name):
@@ -254,7 +233,7 @@ def _guess_up(positions, name):
 
 def _check_forward(points, positions, ahead, name):
     """CospeechError if what points forward (feet, say) points backward: sides swapped, or left-handed axes."""
-    forward = np.cross(_left(positions).sum(axis=1), UP)
+    forward = np.cross(left_of(positions).sum(axis=1), UP)
     if ahead and np.sum(forward * sum(ahead), axis=-1).mean() < 0:
         raise CospeechError(
             f"{name}: its feet point backward; left and right are swapped in the mapping, or the file's axes are "
@@ -282,20 +261,6 @@ def _add_hands(positions, points, rest, axes, since_rest, name):
                 if not points.present[joint]:
                     positions[:, joint] = positions[:, parent] + turn.apply(onto.apply(bone))
                 parent = joint
-
-
-def rest_hand(scale, sign):
-    """{finger: (4, 3) metres}: each joint's offset from the one before, for the left (sign 1) or right hand (-1).
-
-    In a T-pose, palms down, x left and y up; `scale` 1 fits a forearm of REST_FOREARM.
-    """
-    hand = {}
-    for finger, (knuckle, lengths) in REST_HAND.items():
-        bend = np.zeros(3) if finger == "thumb" else REST_BEND
-        ahead = np.array([0.75, -0.15, 0.65]) if finger == "thumb" else np.array([1.0, 0.0, 0.0])
-        directions = np.cos(bend)[:, None] * ahead / np.linalg.norm(ahead) - np.sin(bend)[:, None] * UP
-        hand[finger] = np.vstack([knuckle, directions * np.array(lengths)[:, None]]) * scale * [sign, 1.0, 1.0]
-    return hand
 
 
 def _listed(names):

@@ -5,9 +5,9 @@ from importlib.resources import files
 
 import numpy as np
 
+from cospeech.body.anatomy import TORSO_AND_ARM
 from cospeech.errors import CospeechError
 from cospeech.files import read_yaml
-from cospeech.formats.mocap import TORSO_AND_ARM
 from cospeech.skeleton import BODY, LEFT_HAND, RIGHT_HAND, UPPER55, bone_lengths
 
 UPRIGHT = np.array([1.0, -1.0, -1.0])  # camera axes (x right, y down, z away) to x left, y up, z to the camera

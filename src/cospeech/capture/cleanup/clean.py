@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cospeech.body.anatomy import REST_FOREARM, rest_hand
 from cospeech.capture.cleanup.assemble import HANDS, PARTS
 from cospeech.capture.cleanup.fill import EXCLUDED
 from cospeech.capture.cleanup.gates import agreement_gate, bone_gate, joined_gate, robust_bones, speed_gate
 from cospeech.capture.cleanup.stretch import SIDES, Face, clean_stretch
 from cospeech.capture.cleanup.wrists import wrists_at_hands
 from cospeech.errors import CospeechError
-from cospeech.formats.mocap import REST_FOREARM, rest_hand
 from cospeech.skeleton import BODY, UPPER55
 
 RATE = 15.0  # Hz: the published annotation's, in which the published limits count frames

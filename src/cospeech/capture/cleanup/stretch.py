@@ -6,17 +6,16 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from cospeech.body.anatomy import REST_FOREARM, UP, facing_of, rest_hand
 from cospeech.capture.cleanup.assemble import HANDS
 from cospeech.capture.cleanup.fill import EXCLUDED, fill_gaps, fill_joints
-from cospeech.formats.mocap import HEADING_SECONDS, REST_FOREARM, UP, rest_hand
-from cospeech.rotation import between, continuous, heading, resample, resample_rotations
+from cospeech.rotation import between, continuous, resample, resample_rotations
 from cospeech.skeleton import BODY, UPPER55, with_bone_lengths
 
 TRUST = np.array([0.0, 0.5, 1.0])  # factor on the confidence of what is excluded, interpolated, observed
 SETTLED = 5.0  # seconds of a face whose mean direction tells where it looks to
 AHEAD = np.array([0.0, 0.0, 1.0])
 SIDES = {"right": -1.0, "left": 1.0}
-LEFT, RIGHT = UPPER55.joints("left_hip", "left_shoulder"), UPPER55.joints("right_hip", "right_shoulder")
 
 
 @dataclass
@@ -72,7 +71,7 @@ def clean_stretch(observed, believed, typical, bones, face, *, clock, apart, sig
     turn, tilt = _upright(positions, state) if upright else (Rotation.identity(), 0.0)
     others = _shared(turn, face) if observed.apart and settled else turn
     positions = np.concatenate([_turned(positions[:, BODY], turn), _turned(positions[:, BODY.stop :], others)], axis=1)
-    away = _heading(positions, rate) if forward else Rotation.identity(frames)
+    away = facing_of(positions, rate) if forward else Rotation.identity(frames)
     aside = _aside(away, others, face) if observed.apart and forward and ahead else Rotation.identity()
     for joints, own in ((BODY, away), (slice(BODY.stop, None), away * aside)):
         positions[:, joints] = _turned(positions[:, joints], own.inv())
@@ -135,13 +134,6 @@ def _aside(away, others, face):
     look, body = others.apply(_looking(face, AHEAD)), away.mean().apply(AHEAD)
     angle = np.arctan2(look[0], look[2]) - np.arctan2(body[0], body[2])
     return Rotation.from_rotvec(((angle + np.pi) % (2 * np.pi) - np.pi) / 2 * UP)
-
-
-def _heading(positions, rate):
-    """Where hips and shoulders face, smoothed over time as for motion capture: T rotations about the vertical."""
-    across = positions[:, LEFT] - positions[:, RIGHT]
-    across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
-    return Rotation.from_rotvec(heading(across, rate, HEADING_SECONDS)[:, None] * UP)
 
 
 def _attach_hands(positions, resting, bones):

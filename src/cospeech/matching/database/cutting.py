@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from cospeech.body.build import Build
 from cospeech.clip import FEATURES, Words
 from cospeech.errors import CospeechError, notice
 from cospeech.matching.database.descriptors import (
@@ -21,7 +22,7 @@ from cospeech.matching.database.descriptors import (
     real_lookahead,
     with_lookahead,
 )
-from cospeech.skeleton import UPPER55, Build
+from cospeech.skeleton import UPPER55
 
 
 @dataclass

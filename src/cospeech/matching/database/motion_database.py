@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 
 from cospeech import __version__
+from cospeech.body.build import Build
 from cospeech.clip import Words
 from cospeech.errors import CospeechError, notice
 from cospeech.files import put, reading_hdf5, writing_hdf5
@@ -22,7 +23,7 @@ from cospeech.matching.database.descriptors import (
     Normalization,
 )
 from cospeech.matching.database.sources import stretches
-from cospeech.skeleton import UPPER55, Build
+from cospeech.skeleton import UPPER55
 
 SCHEMA = "cospeech.database"
 CLIP_FRAMES = 64  # T_match of Algorithm 1

@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+from cospeech.body.build import Build
 from cospeech.gestures.generator import Speech
 from cospeech.learning.weights import OnnxNetwork
 from cospeech.matching.knn import KNN
-from cospeech.skeleton import UPPER55, Build, from_parent_relative, to_parent_relative
+from cospeech.skeleton import UPPER55, from_parent_relative, to_parent_relative
 
 
 class Resynchronizer:

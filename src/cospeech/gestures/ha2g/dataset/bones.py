@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from cospeech.body.build import Build
 from cospeech.clip import Motion
-from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, Build, rotations_between, with_bone_lengths
+from cospeech.rotation import rotations_between
+from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, with_bone_lengths
 
 # Metres from the joint `head`, x left, y up, z forward: an average adult's face, our own choice.
 POINTS = {

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from cospeech.body.anatomy import UP
 from cospeech.gestures.ha2g.dataset.bones import PLACES, positions_from_vectors
 from cospeech.skeleton import UPPER55
-
-UP = np.array([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True)
