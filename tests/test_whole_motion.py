@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cospeech.body.build import Build
+from cospeech.body.physique import Build
 from cospeech.clip import Clip, speaker_build
 from cospeech.errors import CospeechNotice
 from cospeech.formats.export import export_clip

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cospeech.body.build import Build
+from cospeech.body.physique import Build
 from cospeech.gestures.chapter4.vectors import vectors_to_motion
 from cospeech.gestures.generator import Speech
 from cospeech.learning.weights import OnnxNetwork

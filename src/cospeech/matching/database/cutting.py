@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cospeech.body.build import Build
+from cospeech.body.physique import Build
 from cospeech.clip import FEATURES, Words
 from cospeech.errors import CospeechError, notice
 from cospeech.matching.database.descriptors import (

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 
 from cospeech import __version__
-from cospeech.body.build import Build
+from cospeech.body.physique import Build
 from cospeech.clip import Words
 from cospeech.errors import CospeechError, notice
 from cospeech.files import put, reading_hdf5, writing_hdf5

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cospeech.body.build import Build
+from cospeech.body.physique import Build
 from cospeech.gestures.generator import Speech
 from cospeech.learning.weights import OnnxNetwork
 from cospeech.matching.knn import KNN

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from cospeech.body.build import Build
+from cospeech.body.physique import Build
 from cospeech.clip import Motion
 from cospeech.rotation import rotations_between
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, with_bone_lengths
