@@ -89,8 +89,17 @@ def test_channels_are_averaged(tmp_path):
     left = tone(1.0)
     stereo, _ = load_audio(encode(tmp_path / "s.flac", np.stack([left, 0 * left]), codec="flac"))
     assert np.allclose(stereo, left / 2, atol=1e-4)
-    surround, _ = load_audio(encode(tmp_path / "six.wav", np.stack([left] + [0 * left] * 5)))
-    assert np.allclose(surround, left / 6, atol=1e-4)
+
+
+@pytest.mark.parametrize("channel, weight", enumerate([0.7071, 0.7071, 1.0, 0.0, 0.5, 0.5]))
+def test_surround_is_mixed_as_broadcasters_do(tmp_path, channel, weight):
+    """ITU-R BS.775, 3/2 to 1/0, without the low-frequency channel; the weights sum to 1 here."""
+    channels = np.zeros((6, RATE), np.float32)
+    channels[channel] = tone(1.0)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*the sound is silent")
+        surround, _ = load_audio(encode(tmp_path / "six.wav", channels))
+    assert np.allclose(surround, weight / 3.4142 * tone(1.0), atol=1e-4)
 
 
 @pytest.mark.parametrize("rate", [8000, 11025, 16000, 22050, 48000])
