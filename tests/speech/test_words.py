@@ -80,7 +80,7 @@ def write_all(folder):
     return sorted(folder.iterdir())
 
 
-@pytest.mark.filterwarnings("ignore:.*1 words have no times")
+@pytest.mark.filterwarnings("ignore:.*1 words have no times", "ignore:.*tier 'words' is read, of")
 def test_every_format_gives_the_same_words(tmp_path):
     paths = write_all(tmp_path)
     assert len(paths) == 13

@@ -81,7 +81,7 @@ rule speaker_bones:
 
 rule annotate_video:
     input:
-        unpack(lambda w: {"words": take_of(w)["words"]} if "words" in take_of(w) else {}),
+        unpack(lambda w: {"words": take_of(w)["words"], "film": film_of(w)} if "words" in take_of(w) else {}),
         unpack(lambda w: {key: path for key, path in SPEAKERS[w.subject].tracker.items() if key == "face_model"}),
         track="<results>/{subject}/tracks/{clip}.h5",
         wav="<results>/{subject}/media/{clip}.wav",

@@ -5,11 +5,11 @@ from job import job, snakemake
 with job():
     from cospeech.capture.annotate import annotate
     from cospeech.capture.cleanup.bone_lengths import read_bones
+    from cospeech.capture.film.media import words_of_take
     from cospeech.capture.refusal import clip_or_refusal
     from cospeech.face.model import FaceModel
-    from cospeech.formats.mocap import cut_words
     from cospeech.render.pages.quality_page import write_page
-    from cospeech.speech import load_audio, read_words
+    from cospeech.speech import load_audio
     from cospeech.track import Track
 
     files, name = snakemake.input, snakemake.wildcards.clip
@@ -19,8 +19,7 @@ with job():
 
     def made():
         track = Track.read(files.track)
-        words = read_words(files.words) if files.get("words") else None  # in the film's time
-        words = words and cut_words(words, track.start, track.start + track.frames / track.fps)
+        words = words_of_take(files.words, files.film, track) if files.get("words") else None
         return annotate(track, files.wav, face_model=face_model, words=words, name=files.track, **about)
 
     clip, quality = clip_or_refusal(made, lambda: load_audio(files.wav), **about)

@@ -156,10 +156,10 @@ def _sound(audio, start, seconds):
 
 def _words(audio, words, start, seconds):
     """The words of the take, in its own time."""
-    from cospeech.speech import find_words
+    from cospeech.speech import audio_duration, find_words
 
     if words is None:
-        words = find_words(Path(audio)) if audio is not None else None
+        words = find_words(Path(audio), audio_duration(audio)) if audio is not None else None
     if words is None or not len(words):
         return Words.none()
     return cut_words(words, start, start + seconds)

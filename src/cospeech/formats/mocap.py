@@ -57,7 +57,7 @@ def read_mocap_take(
     share = _share_seen(seen, animation.fps, fps, frames, start)
     converted.confidence *= share[:, None]
     samples, rate = load_audio(audio, start=start, end=min(end, seconds))
-    spoken = read_words(words) if words else find_words(audio)
+    spoken = read_words(words, Path(audio).stem, seconds) if words else find_words(audio, seconds)
     return Clip(
         subject, clip, float(fps), converted.positions.astype(np.float32),
         speech_features(samples, rate, fps=fps, frames=frames), confidence=converted.confidence.astype(np.float32),

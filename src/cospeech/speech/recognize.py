@@ -1,5 +1,7 @@
 """Word times of a speech without a transcript, recognised offline by CMU PocketSphinx and its own English model."""
 
+from pathlib import Path
+
 import numpy as np
 
 from cospeech.clip import Words
@@ -17,8 +19,10 @@ def words_of_speech(audio, samples, rate, path=None, recognize=False):
     """The `Words` of a sound file `audio`, whose samples are these, or None.
 
     From the file of word times `path`, or one that lies beside the sound; without both recognised, if `recognize`.
+    CospeechError for words beyond the sound's end.
     """
-    words = read_words(path) if path else find_words(audio)
+    seconds = len(samples) / rate
+    words = read_words(path, Path(audio).stem, seconds) if path else find_words(audio, seconds)
     return recognize_words(samples, rate) if words is None and recognize else words
 
 

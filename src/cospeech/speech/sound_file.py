@@ -43,8 +43,8 @@ class Sound:
         self.declared = self._declared()
 
     def _declared(self):
-        """Seconds from time 0 on that the container declares, or None where it guesses from the bit rate (mp3 without its header) or
-        nobody knew the size while it was written."""
+        """Seconds from time 0 on that the container declares, or None where it guesses from the bit rate (mp3 without
+        its header) or nobody knew the size while it was written."""
         stream, name = self.stream, self.container.format.name
         if stream.duration is None or name == "aac" or (name == "mp3" and not stream.start_time):
             return None

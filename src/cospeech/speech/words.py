@@ -1,58 +1,114 @@
-"""Word times beside the audio: TSV, Praat TextGrid, CTM and the JSON files of aligners and recognizers."""
+"""Word times beside the audio: from any transcript that has them, checked, and held against the sound."""
 
-import json
 import math
-import re
 from pathlib import Path
 
 import numpy as np
 
 from cospeech.clip import Words
 from cospeech.errors import CospeechError, notice
+from cospeech.speech.transcripts.documents import read_json
+from cospeech.speech.transcripts.lines import read_ctm, read_tsv
+from cospeech.speech.transcripts.subtitles import read_subtitles
+from cospeech.speech.transcripts.textgrid import read_textgrid
+from cospeech.speech.transcripts.transcript import NotATranscript, seconds_of
 
-SUFFIXES = (".tsv", ".textgrid", ".ctm", ".json")  # in order of preference
+READERS = {".tsv": read_tsv, ".textgrid": read_textgrid, ".ctm": read_ctm, ".json": read_json,
+           ".srt": read_subtitles, ".vtt": read_subtitles}  # fmt: skip
+BESIDE = (".tsv", ".textgrid", ".ctm", ".json")  # a sound, in order of preference
 OVERLAP = 0.05  # seconds; less is the aligner's rounding
+ROUNDING = 0.1  # seconds that a word may begin or end after the sound's end
+OVERSHOOT = 1.0  # seconds that a recogniser's last word may last beyond it: cut, with a notice
 SILENCES = {"", "sil", "sp", "spn", "<eps>", "<sil>", "<s>", "</s>", "[noise]", "<p:>", "#"}
-WORD_KEYS, START_KEYS, END_KEYS = ("word", "text", "token"), ("start", "begin", "onset"), ("end", "stop", "offset")
 
 
-def find_words(audio_path):
+def find_words(audio_path, seconds=None):
     """Read the word times that lie beside a sound file (`talk.tsv`, `.TextGrid`, `.ctm` or `.json` for `talk.wav`).
 
-    Returns `Words`, or None when there is no such file; of several the first in this order counts, with a notice.
+    Returns `Words`, or None when there is no such file. Of several the first in this order counts that has words with
+    times; one that is something else (blendshapes, a damaged file) costs a notice. `seconds`: see `read_words`.
     """
     audio_path = Path(audio_path)
     folder = audio_path.parent.iterdir() if audio_path.parent.is_dir() else ()
-    beside = [path for path in folder if path.stem == audio_path.stem and path.suffix.lower() in SUFFIXES]
-    beside.sort(key=lambda path: (SUFFIXES.index(path.suffix.lower()), path.name))
+    beside = [path for path in folder if path.stem == audio_path.stem and path.suffix.lower() in BESIDE]
+    beside.sort(key=lambda path: (BESIDE.index(path.suffix.lower()), path.name))
+    found = []
+    for path in beside:
+        try:
+            found.append((path, _transcript(path, audio_path.stem)))
+        except NotATranscript as error:
+            notice(f"{error}; it is passed over")
+            continue
+        if found[-1][1].spoken and found[-1][1].rows:
+            break
+    if not found:
+        return None
+    path, transcript = max(reversed(found), key=lambda one: (bool(one[1].rows), one[1].spoken))
     if len(beside) > 1:
-        notice(f"{audio_path}: {len(beside)} files of word times beside it; {beside[0].name} is used")
-    return read_words(beside[0]) if beside else None
+        notice(f"{audio_path}: {len(beside)} files of word times beside it; {path.name} is used")
+    return _words(path, transcript, seconds)
 
 
-def read_words(path):
+def read_words(path, recording=None, seconds=None):
     """Read word times, the format told by the suffix.
 
-    `.tsv`: word, start, end (seconds, tabs; a header may name the columns in another order). `.TextGrid`: long or
-    short, UTF-8 or UTF-16; the interval tier named "words" or "word", else the first. `.ctm`: file, channel, start,
-    duration, word. `.json`: a list of {word, start, end}, or an object with "words" or "segments" (whisper, gentle).
-    Silences are dropped. Overlaps under 50 ms are cut, with a notice; times that are unsorted, negative, reversed, or
-    no numbers are a CospeechError that names the file and the row.
+    `.tsv`: word, start, end (seconds, tabs; a heading may name the columns in another order, and milliseconds).
+    `.TextGrid`: Praat's text files; the interval tier of words, by name or content. `.ctm`: recording, channel, start,
+    duration, word; of several recordings that called `recording` (by default as the file). `.json`: see
+    `transcripts.documents`. `.srt`, `.vtt`: sentences, spread over their words, unless words have times of their own.
+
+    Returns `Words`. Silences are dropped, and words without an end or a time, with a notice. Overlaps under 50 ms are
+    cut, with a notice; times that are unsorted, negative, reversed, or no numbers are a CospeechError that names the
+    file and the row, and so are words beyond the end of a sound that lasts `seconds`. A notice tells what of a file
+    with several tiers, channels or recordings was read.
     """
     path = Path(path)
-    readers = dict(zip(SUFFIXES, (_tsv, _textgrid, _ctm, _json), strict=True))
-    if path.suffix.lower() not in readers:
-        raise CospeechError(f"{path}: word times come as .tsv, .TextGrid, .ctm or .json, not {path.suffix or 'this'}")
-    rows = readers[path.suffix.lower()](path, _text(path))
-    rows = [(row, str(word).strip(), start, end) for row, word, start, end in rows]
-    words = _checked(path, [row for row in rows if row[1].lower() not in SILENCES])
+    return _words(path, _transcript(path, recording or path.stem), seconds)
+
+
+def within(words, seconds, source):
+    """`words` that fit a sound of `seconds`, read from `source`; CospeechError for words beyond its end: another unit.
+
+    The last may end up to OVERSHOOT later, as recognisers let it; it is cut there, with a notice.
+    """
     if not len(words):
-        notice(f"{path}: holds no words")
+        return words
+    start, end = np.asarray(words.start, float), np.asarray(words.end, float)
+    if start[-1] > seconds + ROUNDING or end.max() > seconds + OVERSHOOT:
+        raise CospeechError(
+            f"{source}: the words end at {end.max():.2f} s, but the sound lasts {seconds:.2f} s; expected seconds "
+            "(not hundredths or milliseconds) of this very recording"
+        )
+    if end.max() > seconds + ROUNDING:
+        notice(f"{source}: the words end at {end.max():.2f} s, the sound lasts {seconds:.2f} s; they are cut there")
+        return Words(np.minimum(start, seconds), np.minimum(end, seconds), words.text)
     return words
 
 
+def _transcript(path, recording):
+    """The `Transcript` of a file."""
+    if path.suffix.lower() not in READERS:
+        raise CospeechError(
+            f"{path}: word times come as .tsv, .TextGrid, .ctm, .json, .srt or .vtt, not {path.suffix or 'this'}"
+        )
+    transcript = READERS[path.suffix.lower()](path, _text(path), recording)
+    rows = [(row, str(word).strip(), start, end) for row, word, start, end in transcript.rows]
+    transcript.rows = [row for row in rows if row[1].lower() not in SILENCES]
+    return transcript
+
+
+def _words(path, transcript, seconds):
+    """The checked `Words` of a transcript, and what there is to tell about them."""
+    for note in transcript.notes:
+        notice(f"{path}: {note}")
+    words = _checked(path, transcript.rows)
+    if not len(words):
+        notice(f"{path}: holds no words")
+    return words if seconds is None else within(words, seconds, path)
+
+
 def _text(path):
-    """The file's text in UTF-8, or in UTF-16 where it says or shows so."""
+    """The file's text in UTF-8, or in UTF-16 where it says or shows so; a TextGrid may be in Latin-1, as Praat does."""
     if not path.is_file():
         raise CospeechError(f"{path}: no such file")
     raw = path.read_bytes()
@@ -63,13 +119,21 @@ def _text(path):
     try:
         return raw.decode(encoding)
     except UnicodeDecodeError as error:
-        raise CospeechError(f"{path}: is not text in UTF-8 or UTF-16; save it as UTF-8") from error
+        text = raw.decode("latin-1")
+        if path.suffix.lower() == ".textgrid" and not any(
+            (c < " " and c not in "\t\r\n") or "\x7f" <= c < "\xa0" for c in text
+        ):
+            notice(f"{path}: is not UTF-8, and read as Latin-1")
+            return text
+        raise NotATranscript(f"{path}: is not text in UTF-8 or UTF-16; save it as UTF-8") from error
 
 
 def _checked(path, rows):
     """`Words` of (row name, word, start, end) tuples, or one line that names the row."""
+    timed = [row for row in rows if row[2] not in (None, "") and row[3] not in (None, "")]
+    half = [row for row in rows if (row[2] in (None, "")) != (row[3] in (None, ""))]
     starts, ends, cut = [], [], 0
-    for row, word, start, end in rows:
+    for row, word, start, end in timed or half[:1]:
         start, end = _seconds(path, row, "start", start), _seconds(path, row, "end", end)
         if start < 0 or end < start:
             raise CospeechError(f"{path}: {row} ({word!r}): from {start} s to {end} s; expected 0 <= start <= end")
@@ -86,133 +150,19 @@ def _checked(path, rows):
             cut += 1
         starts.append(start)
         ends.append(end)
+    if len(timed) < len(rows):
+        notice(f"{path}: {len(rows) - len(timed)} words have no times and are left out")
     if cut:
         notice(f"{path}: {cut} words overlapped the next by less than {OVERLAP * 1000:.0f} ms; their ends were cut")
-    return Words(np.array(starts, np.float64), np.array(ends, np.float64), [row[1] for row in rows])
+    return Words(np.array(starts, np.float64), np.array(ends, np.float64), [row[1] for row in timed])
 
 
 def _seconds(path, row, name, value):
     try:
-        seconds = float(value)
-    except (TypeError, ValueError):
+        seconds = float(seconds_of(value))
+    except (TypeError, ValueError, OverflowError):
         seconds = math.nan
     if not math.isfinite(seconds):
-        raise CospeechError(f"{path}: {row}: {name} is {value!r}, expected seconds as a number (with a decimal point)")
+        shown = f"{value!r:.60}"  # some files have numbers of thousands of digits
+        raise CospeechError(f"{path}: {row}: {name} is {shown}, expected seconds as a number (with a decimal point)")
     return seconds
-
-
-def _tsv(path, text):
-    order, rows = (0, 1, 2), []
-    for number, line in enumerate(text.splitlines(), 1):
-        cells = [cell.strip() for cell in line.split("\t")]
-        if not any(cells):
-            continue
-        header = _header([cell.lower() for cell in cells]) if not rows else None
-        if header:
-            order = header
-            continue
-        if len(cells) <= max(order):
-            raise CospeechError(f"{path}: line {number}: {len(cells)} columns, expected word, start, end between tabs")
-        rows.append((f"line {number}", *(cells[i] for i in order)))
-    return rows
-
-
-def _header(cells):
-    """The columns of word, start and end, or None where the line is no header."""
-    columns = [
-        next((i for i, cell in enumerate(cells) if cell in keys), None) for keys in (WORD_KEYS, START_KEYS, END_KEYS)
-    ]
-    return None if None in columns else tuple(columns)
-
-
-def _ctm(path, text):
-    rows = []
-    for number, line in enumerate(text.splitlines(), 1):
-        cells = line.split()
-        if not cells or cells[0].startswith((";;", "#")):
-            continue
-        row = f"line {number}"
-        if len(cells) < 5:
-            raise CospeechError(f"{path}: {row}: {len(cells)} columns, expected file, channel, start, duration, word")
-        start, duration = (
-            _seconds(path, row, name, cell) for name, cell in zip(("start", "duration"), cells[2:4], strict=True)
-        )
-        rows.append((row, cells[4], start, start + duration))
-    return rows
-
-
-def _textgrid(path, text):
-    """As Praat reads: only quoted strings, free-standing numbers and <exists> count, so long and short are one format.
-
-    praatio refuses a whole file for one small overlap and does not name the row, hence these few lines.
-    """
-    found = re.finditer(
-        r'"((?:[^"]|"")*)"|(?<!\S)(<exists>|[-+]?[\d.][\d.e+-]*|-?nan|-?inf)(?!\S)', text, re.IGNORECASE
-    )
-    tokens = (match[2] if match[1] is None else match[1].replace('""', '"') for match in found)
-    try:
-        if (next(tokens), next(tokens)) not in (("ooTextFile", "TextGrid"), ("ooTextFile short", "TextGrid")):
-            raise CospeechError(f"{path}: does not begin as a Praat TextGrid text file")
-        tiers = _tiers(tokens)
-    except (StopIteration, ValueError) as error:
-        raise CospeechError(f"{path}: the TextGrid is incomplete or damaged; save it again from Praat") from error
-    if not tiers:
-        raise CospeechError(f"{path}: the TextGrid has no interval tier")
-    name, intervals = next((tier for tier in tiers if tier[0].strip().lower() in ("words", "word")), tiers[0])
-    return [(f"tier {name!r}, interval {i}", word, start, end) for i, (start, end, word) in enumerate(intervals, 1)]
-
-
-def _tiers(tokens):
-    """[(name, [(start, end, label)])] of the interval tiers; `tokens` stand behind the object class."""
-
-    def take(count):
-        return [next(tokens) for _ in range(count)]
-
-    _xmin, _xmax, _exists, size = take(4)
-    tiers = []
-    for _ in range(int(size)):
-        tier_class, name, _xmin, _xmax, entries = take(5)
-        rows = [take(3 if tier_class == "IntervalTier" else 2) for _ in range(int(entries))]
-        if tier_class == "IntervalTier":
-            tiers.append((name, rows))
-    return tiers
-
-
-def _json(path, text):
-    try:
-        content = json.loads(text)
-    except ValueError as error:
-        raise CospeechError(f"{path}: is not valid JSON ({error})") from error
-    entries = _json_entries(content)
-    if entries is None:
-        raise CospeechError(f'{path}: holds no words; expected a list of {{word, start, end}}, "words" or "segments"')
-    rows, untimed = [], 0
-    for number, entry in enumerate(entries, 1):
-        row = f"word {number}"
-        if not isinstance(entry, dict) or (word := _first(entry, WORD_KEYS)) is None:
-            raise CospeechError(f"{path}: {row}: expected an object with word, start and end")
-        start, end = _first(entry, START_KEYS), _first(entry, END_KEYS)
-        if start is None and end is None:  # gentle and whisperX leave words without times that they did not find
-            untimed += 1
-            continue
-        rows.append((row, word, start, end))
-    if untimed:
-        notice(f"{path}: {untimed} words have no times and are left out")
-    return rows
-
-
-def _json_entries(content):
-    if isinstance(content, dict):
-        if isinstance(content.get("words"), list):
-            return content["words"]
-        segments = content.get("segments")
-        if not isinstance(segments, list) or not all(
-            isinstance(s, dict) and isinstance(s.get("words"), list) for s in segments
-        ):
-            return None
-        return [word for segment in segments for word in segment["words"]]
-    return content if isinstance(content, list) else None
-
-
-def _first(entry, keys):
-    return next((entry[key] for key in keys if entry.get(key) is not None), None)

@@ -202,6 +202,20 @@ def take_sound(video, audio=None, start=0.0, end=None):
     return load_audio(video, start=start, end=None if end is None else min(end, length))
 
 
+def words_of_take(words, film, track):
+    """The `Words` of a take, in its own time, from a file of those of its whole film.
+
+    CospeechError for words beyond the end of the film, of its pictures and of its sound.
+    """
+    from cospeech.capture.film.decoding import open_film
+    from cospeech.formats.mocap import cut_words
+    from cospeech.speech import audio_duration, read_words
+
+    seconds = max(open_film(film).end, audio_duration(film) if _sounds(film) else 0.0)
+    spoken = read_words(words, Path(film).stem, seconds)
+    return cut_words(spoken, track.start, track.start + track.frames / track.fps)
+
+
 def _sounds(video):
     """Whether a film that can be opened has sound."""
     import av
