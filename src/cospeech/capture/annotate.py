@@ -12,7 +12,6 @@ from cospeech.capture.fit_face import fit_track
 from cospeech.clip import Clip, Words
 from cospeech.errors import CospeechError, notice
 from cospeech.face.model import EMBEDDED, embedded
-from cospeech.formats.mocap import cut_words
 from cospeech.skeleton import UPPER55
 
 SILENCE = 16000  # Hz of the silence that stands in for a film without sound
@@ -156,7 +155,7 @@ def _sound(audio, start, seconds):
 
 def _words(audio, words, start, seconds):
     """The words of the take, in its own time."""
-    from cospeech.speech import audio_duration, find_words
+    from cospeech.speech import audio_duration, cut_words, find_words
 
     if words is None:
         words = find_words(Path(audio), audio_duration(audio)) if audio is not None else None

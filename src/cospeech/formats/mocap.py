@@ -45,7 +45,8 @@ def read_mocap_take(
     `clip.audio`.
     Raises CospeechError for files that do not fit the mapping or each other, and for takes outside the files.
     """
-    from cospeech.speech import audio_duration, find_words, integrated_loudness, load_audio, read_words, speech_features
+    from cospeech.speech import audio_duration, integrated_loudness, load_audio, speech_features
+    from cospeech.speech.words import cut_words, find_words, read_words
 
     mapping, animation, seen = read_motion(motion, skeleton, body_model)
     seconds = audio_duration(audio)
@@ -105,13 +106,6 @@ def _end(motion, audio, moving, sounding, start, end, fps):
     if abs(moving - sounding) > frame and (end is None or end > both + frame):
         notice(f"{lengths}; what both have is used, up to {both:.3f} s")
     return both if end is None else min(end, both)
-
-
-def cut_words(words, start, end):
-    """The `Words` of a recording that sound between `start` and `end` seconds, in the time that starts there."""
-    kept = np.flatnonzero((np.asarray(words.end) > start) & (np.asarray(words.start) < end))
-    first, last = np.asarray(words.start)[kept] - start, np.asarray(words.end)[kept] - start
-    return Words(np.clip(first, 0, None), np.clip(last, None, end - start), [words.text[i] for i in kept])
 
 
 def convert(animation, mapping, frames, fps=15.0, start=0.0, units=None, up=None, name="motion"):

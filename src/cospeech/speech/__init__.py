@@ -5,10 +5,11 @@ from cospeech.speech.features import speech_features
 from cospeech.speech.loudness import integrated_loudness, normalize_loudness
 from cospeech.speech.onsets import speech_onsets
 from cospeech.speech.recognize import recognize_words, words_of_speech
-from cospeech.speech.words import find_words, read_words
+from cospeech.speech.words import cut_words, find_words, read_words
 
 __all__ = [
     "audio_duration",
+    "cut_words",
     "find_words",
     "integrated_loudness",
     "load_audio",

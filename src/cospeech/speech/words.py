@@ -107,6 +107,13 @@ def _words(path, transcript, seconds):
     return words if seconds is None else within(words, seconds, path)
 
 
+def cut_words(words, start, end):
+    """The `Words` of a recording that sound between `start` and `end` seconds, in the time that starts there."""
+    kept = np.flatnonzero((np.asarray(words.end) > start) & (np.asarray(words.start) < end))
+    first, last = np.asarray(words.start)[kept] - start, np.asarray(words.end)[kept] - start
+    return Words(np.clip(first, 0, None), np.clip(last, None, end - start), [words.text[i] for i in kept])
+
+
 def _text(path):
     """The file's text in UTF-8, or in UTF-16 where it says or shows so; a TextGrid may be in Latin-1, as Praat does."""
     if not path.is_file():

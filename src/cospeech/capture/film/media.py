@@ -208,8 +208,8 @@ def words_of_take(words, film, track):
     CospeechError for words beyond the end of the film, of its pictures and of its sound.
     """
     from cospeech.capture.film.decoding import open_film
-    from cospeech.formats.mocap import cut_words
     from cospeech.speech import audio_duration, read_words
+    from cospeech.speech.words import cut_words
 
     seconds = max(open_film(film).end, audio_duration(film) if _sounds(film) else 0.0)
     spoken = read_words(words, Path(film).stem, seconds)
