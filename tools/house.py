@@ -30,8 +30,8 @@ LIMITS = {
     "files that name velocity_gan": (5, 3),  # a model's name stands in the registry, and in what is generated from it
     "csv.writer": (1, 1),  # one table writer
     "ddof": (1, 1),  # one deviation over seeds
-    "constants stated twice": (22, 0),
-    "import circles": (3, 0),  # groups of modules, not of lines
+    "constants stated twice": (19, 0),
+    "import circles": (0, 0),  # groups of modules, not of lines
     "arrows upward": (0, 0),
     "top-level modules": (9, 9),
     "folders of more than 14 modules": (0, 0),

@@ -88,6 +88,8 @@ RIGHT_HAND = slice(13, 34)
 LEFT_HAND = slice(34, 55)
 
 FINGERS = ("index", "middle", "little", "ring", "thumb")  # as the published layout orders them
+LONG_FINGERS = tuple(FINGERS[i] for i in (0, 1, 3, 2))  # as they lie beside each other
+ACROSS = ("thumb", *LONG_FINGERS)
 FINGER_JOINTS = 4
 # The joints of the right and the left hand's five fingers, from the base to the tip: (2, 5, 4).
 CHAINS = np.array(
@@ -98,6 +100,7 @@ CHAINS = np.array(
 )
 BASES = CHAINS[..., 0]
 HAND_ROOTS = np.array(UPPER55.joints("right_hand_root", "left_hand_root"))
+WRISTS = np.array(UPPER55.joints("right_wrist", "left_wrist"))
 
 
 def to_parent_relative(positions, skeleton=UPPER55):

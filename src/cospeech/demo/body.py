@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cospeech.demo.lexicon import ANGLES, POSITION, SHAPE
-from cospeech.skeleton import UPPER55
+from cospeech.skeleton import LONG_FINGERS, UPPER55
 
 # Rest offsets in metres of an average adult (about 1.72 m); a speaker's stature scales them all.
 HIP = np.array([0.09, -0.06, 0.0])
@@ -18,7 +18,7 @@ HEAD_TOP = np.array([0.0, 0.25, 0.02])
 SHOULDER = np.array([0.175, -0.045, 0.0])
 UPPER_ARM, FOREARM = 0.29, 0.255
 ARM = UPPER_ARM + FOREARM
-FINGERS = {  # knuckle in the hand's axes (along the fingers, towards the thumb, out of the palm), three bones, spread
+LONG_BONES = {  # knuckle in the hand's axes (along the fingers, towards the thumb, out of the palm), bones, spread
     "index": ([0.088, 0.024, 0.000], [0.042, 0.025, 0.021], 14.0),
     "middle": ([0.090, 0.003, 0.000], [0.046, 0.029, 0.022], 2.0),
     "ring": ([0.083, -0.015, 0.001], [0.042, 0.027, 0.022], -9.0),
@@ -57,7 +57,7 @@ def pose_body(arms, torso, head, shrug, stature):
         joints = _arm(arms[side], sign, shrug[:, (sign + 1) // 2]) * stature
         axes = chest.as_matrix()
         names = [f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hand_root")]
-        names += [f"{side}_{finger}_{i}" for finger in (*FINGERS, "thumb") for i in range(4)]
+        names += [f"{side}_{finger}_{i}" for finger in (*LONG_FINGERS, "thumb") for i in range(4)]
         positions[:, UPPER55.joints(*names)] = neck[:, None] + joints @ axes.transpose(0, 2, 1)
     return positions, skull.as_rotvec()
 
@@ -134,7 +134,7 @@ def _hand_axes(forearm, medial, sign, pron, flex, dev):
 def _fingers(shape):
     """(N, 21, 3) the hand's joints in its own axes: root, then index, middle, ring, little, thumb, knuckle to tip."""
     joints = np.zeros((len(shape), 21, 3))
-    for i, (knuckle, bones, spread) in enumerate(FINGERS.values()):
+    for i, (knuckle, bones, spread) in enumerate(LONG_BONES[finger] for finger in LONG_FINGERS):
         flexion = np.cumsum(shape[:, i, None] * CURL + [1, 0, 0] * shape[:, 7, None] * BEND, axis=1)
         aside = np.radians(spread) * (0.15 + shape[:, 6]) * (1 - 0.8 * shape[:, i])
         straight = np.stack([np.cos(aside), np.sin(aside), np.zeros(len(aside))], axis=1)[:, None]

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from cospeech.files import read_yaml
 from cospeech.formats.animation import Animation
 from cospeech.rotation import continuous, swing_twist
-from cospeech.skeleton import UPPER55
+from cospeech.skeleton import ACROSS, UPPER55
 
 STRAIGHT = np.sin(np.radians(15.0))  # below this bend the plane of an elbow is mostly taken from the frames around
 DAMPING = 0.1  # sine of the bend below which an elbow hardly moves to reach the wrist (damped least squares)
@@ -41,7 +41,7 @@ def _unit(vectors):
 
 NAMES, PARENTS, SOURCES, REST_DIRECTIONS = _table()
 INDEX = {name: joint for joint, name in enumerate(NAMES)}
-FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")
+FINGERS = tuple({"little": "Pinky"}.get(finger, finger.title()) for finger in ACROSS)  # Mixamo's names
 
 
 def animation_from_clip(clip):

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cospeech.people.anthropometry import INDEX
-from cospeech.people.hands import FINGERS
 from cospeech.people.heads import add_head, skull_center
 from cospeech.people.painting.solids import Solids, unit
+from cospeech.skeleton import LONG_FINGERS
 
 TRUNK = 0.50  # metres from pelvis over spine to neck of the person that the sizes below describe
 
@@ -134,7 +134,7 @@ def _hand(solids, j, materials, side):
     """Palm, five fingers of three bones and their nails; the palm's side is paler than the back."""
     part, sign = f"{side}_hand", -1 if side == "right" else 1
     joint = lambda name: j(f"{side}_{name}")  # noqa: E731
-    root, first = joint("hand_root"), {finger: joint(f"{finger}_0") for finger in (*FINGERS, "thumb")}
+    root, first = joint("hand_root"), {finger: joint(f"{finger}_0") for finger in (*LONG_FINGERS, "thumb")}
     scale = np.linalg.norm(first["middle"] - root, axis=1) / 0.088
     palm = sign * unit(np.cross(first["middle"] - root, first["index"] - first["little"]))
     inside = np.clip(materials.skin * [0.98, 0.82, 0.76] + [0.10, 0.10, 0.08], 0, 1)
@@ -143,7 +143,7 @@ def _hand(solids, j, materials, side):
     def bone(start, end, thick, thin):
         solids.cone(start, end, thick * scale, thin * scale, materials.skin, part, **material)
 
-    for finger in FINGERS:
+    for finger in LONG_FINGERS:
         bone(root, first[finger], 0.0155, 0.0118)
     for one, two in (("index", "middle"), ("middle", "ring"), ("ring", "little")):
         bone(first[one], first[two], 0.0112, 0.0112)
@@ -151,7 +151,7 @@ def _hand(solids, j, materials, side):
         bone(root + (first["index"] - root) * share, root + (first["little"] - root) * share, 0.0135, 0.0125)
     bone(root, first["thumb"], 0.0165, 0.0160)
     bone(first["thumb"], (root + 2 * first["index"]) / 3, 0.0140, 0.0110)
-    for finger in (*FINGERS, "thumb"):
+    for finger in (*LONG_FINGERS, "thumb"):
         size = {"thumb": 1.22, "little": 0.86}.get(finger, 1.0)
         joints = [joint(f"{finger}_{i}") for i in range(4)]
         radii = np.array([0.0105, 0.0092, 0.0081, 0.0068]) * size

@@ -4,8 +4,8 @@ import numpy as np
 
 from cospeech.people.anthropometry import LIMITS, TABLE
 from cospeech.people.pose_table import POSES
+from cospeech.skeleton import LONG_FINGERS
 
-FINGERS = ("index", "middle", "ring", "little")
 SHAPES = {name: np.array(values) for name, values in POSES["hands"].items()}
 # Full flexion of knuckle, middle and end joint; the end joint follows the middle one (Rijpkema & Girard 1991: 2/3).
 FULL = np.radians([80.0, 98.0, 65.0])
@@ -27,7 +27,7 @@ def hand_joints(shape, length):
     from knuckle to tip.
     """
     joints = np.zeros((len(shape), 21, 3))
-    for i, name in enumerate(FINGERS):
+    for i, name in enumerate(LONG_FINGERS):
         finger = TABLE["fingers"][name]
         bent = shape[:, i, None] * FULL
         bent[:, 0] += shape[:, 7] * KNUCKLES_ALONE

@@ -9,11 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from cospeech.people.anthropometry import INDEX, JOINTS61, LIMITS
-from cospeech.people.hands import FINGERS, SHAPES, draw_shapes, hand_joints
+from cospeech.people.hands import SHAPES, draw_shapes, hand_joints
 from cospeech.people.pose_table import POSES
+from cospeech.skeleton import LONG_FINGERS
 
 ARMS, POSTURES = POSES["arms"], POSES["postures"]
-HAND_JOINTS = [f"{finger}_{i}" for finger in (*FINGERS, "thumb") for i in range(4)]
+HAND_JOINTS = [f"{finger}_{i}" for finger in (*LONG_FINGERS, "thumb") for i in range(4)]
 TRUNK = np.array([0.098, 0.085])  # half width and depth that wrists stay out of, shares of stature
 NEAREST, FARTHEST = 0.28, 0.985  # wrist from shoulder in arm lengths: elbows neither break nor lock
 

@@ -8,13 +8,13 @@ from cospeech.skeleton import Skeleton
 from cospeech.track import Points
 
 CAMERA = np.array([1.0, -1.0, -1.0])  # SMPL-X's x left, y up, z ahead -> a camera in front: x right, y down, z away
+FINGER = {"little": "pinky"}  # where its names are others
 Y_UP = Rotation.from_euler("x", -90, degrees=True)  # z up (AMASS) -> y up
 BODY = {"pelvis": "pelvis", "spine": "spine2", "neck": "neck", "head": "head", "head_top": "head_top"} | {
     f"{side}_{joint}": f"{side}_{joint}"
     for side in ("left", "right")
     for joint in ("shoulder", "elbow", "wrist", "hip")
 }
-FINGERS = {"index": "index", "middle": "middle", "ring": "ring", "little": "pinky", "thumb": "thumb"}
 
 
 def smplx_parts(arrays, path, body_model=None):
@@ -29,7 +29,7 @@ def smplx_parts(arrays, path, body_model=None):
     parts = {"body": _points("upper13", body - body[:, [10]], seen, "root", "pelvis")}
     for side in ("left", "right"):
         hand = [joints[f"{side}_wrist"]] + [
-            joints[f"{side}_{FINGERS[finger]}{int(number) + 1}"]
+            joints[f"{side}_{FINGER.get(finger, finger)}{int(number) + 1}"]
             for finger, number in (name.split("_") for name in Skeleton.load("hand21").names[1:])
         ]
         hand = np.stack(hand, axis=1)

@@ -15,9 +15,8 @@ from cospeech.errors import CospeechError
 from cospeech.files import read_yaml
 from cospeech.matching.database.descriptors import WINDOW, pose_features
 from cospeech.matching.database.sources import stretches, usable_frames
-from cospeech.skeleton import UPPER55, bone_lengths, with_bone_lengths
+from cospeech.skeleton import WRISTS, bone_lengths, with_bone_lengths
 
-WRISTS = UPPER55.joints("right_wrist", "left_wrist")
 FASTEST = (-0.3, 0.1)  # seconds from the middle of its word, between which a stroke has its highest speed
 ARRIVAL = 0.3  # seconds after that by which the hands arrive
 ARRIVED = 0.3  # of the highest speed; what is slower is no more of the stroke

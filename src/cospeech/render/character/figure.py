@@ -10,7 +10,7 @@ from cospeech.render.character.head import HEIGHT, Head
 from cospeech.render.character.lower import SHOE, ankles, check_posture, legs, props
 from cospeech.render.character.mesh import capsule_template, capsules, grid_triangles, rings, unit, vertex_normals
 from cospeech.render.character.triangles import Camera
-from cospeech.skeleton import UPPER55
+from cospeech.skeleton import ACROSS, UPPER55
 
 # Colours in OpenCV's order blue, green, red. The character's right is warm, its left is cool, the trunk neutral.
 SKIN, NECK, SHIRT, TROUSERS = (168, 190, 226), (152, 173, 208), (112, 98, 88), (92, 80, 72)
@@ -21,7 +21,6 @@ BACKGROUND = (244, 242, 240)
 TITLE, FADE, SUBTITLE = 0.10, 0.13, 0.09
 
 LIGHT = unit(np.float32([0.45, 0.75, 0.65]))
-FINGERS = ("thumb", "index", "middle", "ring", "little")
 SIDES = 20  # of a trunk ring and of the neck
 # The trunk from below: height as a fraction of pelvis (0) to shoulder line (1), half width and half depth in metres of
 # a character whose trunk is 0.5 m. Trousers end where the shirt begins; the collar's last ring turns inwards.
@@ -58,7 +57,7 @@ def _limbs(posture):
             yield Limb(f"{side}_hip", f"{side}_knee", (0.077, 0.060), TROUSERS)
             yield Limb(f"{side}_knee", f"{side}_ankle", (0.058, 0.042), TROUSERS)
             yield Limb(f"{side}_ankle", f"{side}_toe", (0.044, 0.034), SHOE)
-        for finger in FINGERS:
+        for finger in ACROSS:
             palm, *thick = (0.016, 0.0135, 0.012, 0.0105, 0.009) if finger == "thumb" else (
                 0.017, 0.0122, 0.0105, 0.0092, 0.0078)  # fmt: skip
             yield Limb(f"{side}_hand_root", f"{side}_{finger}_0", (palm, thick[0]), hand, 8)

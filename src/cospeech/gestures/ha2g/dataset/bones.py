@@ -14,7 +14,16 @@ from scipy.spatial.transform import Rotation
 from cospeech.body.physique import Build
 from cospeech.clip import Motion
 from cospeech.rotation import rotations_between
-from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, UPPER55, with_bone_lengths
+from cospeech.skeleton import (
+    CHAINS,
+    FINGER_JOINTS,
+    HAND_ROOTS,
+    LEFT_HAND,
+    RIGHT_HAND,
+    UPPER55,
+    WRISTS,
+    with_bone_lengths,
+)
 
 # Metres from the joint `head`, x left, y up, z forward: an average adult's face, our own choice.
 POINTS = {
@@ -26,11 +35,7 @@ POINTS = {
 }
 PLACES = {**UPPER55.index, **{name: len(UPPER55) + i for i, name in enumerate(POINTS)}}
 OFFSETS = np.array(list(POINTS.values()))
-FINGERS = [
-    f"{side}_{finger}" for side in ("right", "left") for finger in ("index", "middle", "little", "ring", "thumb")
-]
 TIP_BEND = 2 / 3  # of the joint before: the last two joints of a finger share tendons
-HAND_ROOTS, WRISTS = UPPER55.joints("right_hand_root", "left_hand_root"), UPPER55.joints("right_wrist", "left_wrist")
 NECK, HEAD, HEAD_TOP, SPINE = UPPER55.joints("neck", "head", "head_top", "spine")
 
 
@@ -158,7 +163,7 @@ def _fitted_head(joints, table, figure):
 
 def _bend_tips(positions):
     """Put the ten finger tips, in place: each last bone turns on by `TIP_BEND` of the joint before."""
-    a, b, c, tips = (UPPER55.joints(*[f"{finger}_{i}" for finger in FINGERS]) for i in range(4))
+    a, b, c, tips = CHAINS.reshape(-1, FINGER_JOINTS).T
     before, last = positions[:, b] - positions[:, a], positions[:, c] - positions[:, b]
     axis = np.cross(before, last)
     angle = np.arctan2(np.linalg.norm(axis, axis=-1), np.sum(before * last, axis=-1))

@@ -6,6 +6,7 @@ from torch.nn import functional as F
 
 from cospeech.gestures.ha2g.networks.gru import GRU
 from cospeech.gestures.ha2g.networks.hierarchical_audio_learner import scaled
+from cospeech.skeleton import FINGERS
 
 HIDDEN = 300
 
@@ -24,7 +25,6 @@ class Level(nn.Module):
         return self.head(self.gru(x))
 
 
-FINGERS = ("index", "middle", "little", "ring", "thumb")
 HIERARCHIES = ("full", "none", "body", "hands")
 
 
