@@ -76,8 +76,11 @@ def main():
     report("face fit, 1800 frames", fitting, frame_by_frame=alone)
     rng, n, few = np.random.default_rng(0), 66, 32
     matrix = np.tile(np.eye(n) * 9, (few, 1, 1))
-    band = best(lambda: smoothed_step(matrix, rng.normal(size=(few, n)), np.zeros((few - 1, n)), np.ones(n),
-                                      np.ones(few - 1, bool)))  # fmt: skip
+    band = best(
+        lambda: smoothed_step(
+            matrix, rng.normal(size=(few, n)), np.zeros((few - 1, n)), np.ones(n), np.ones(few - 1, bool)
+        )
+    )
     report("one Gauss-Newton step of 32 frames", band, full_matrix=best(lambda: dense(few, n)))
 
 

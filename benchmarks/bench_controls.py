@@ -60,7 +60,7 @@ def recorded(paths):
 
 def figures(speaker, knn, features):
     """Threshold, mean and deviation per level, and what the frames of the database that keep it have themselves."""
-    values_of = lambda name, **options: SIGNALS[name](knn.generate(features, **options).positions, 15.0)  # noqa: E731
+    values_of = lambda name, **options: SIGNALS[name](knn.generate(features, **options).positions, 15.0)
     after_seam = np.arange(len(features)) % 8 == 0
     for name in ("left_wrist_height", "left_wrist_speed", "symmetry"):
         frames = knn.signals.values(name)[covered_frames(knn.matcher.database.eligible)]

@@ -40,7 +40,7 @@ def body(frames=3600):
     torso, head, shrug = rng.normal(0, 3, (frames, 3)), rng.normal(0, 5, (frames, 3)), np.zeros((frames, 2))
     fast = fastest(lambda: pose_body(arms, torso, head, shrug, 1.0), 3)
     part = slice(0, 200)
-    pick = lambda i: ({s: a[i : i + 1] for s, a in arms.items()}, torso[i : i + 1], head[i : i + 1], shrug[i : i + 1])  # noqa: E731
+    pick = lambda i: ({s: a[i : i + 1] for s, a in arms.items()}, torso[i : i + 1], head[i : i + 1], shrug[i : i + 1])
     slow = fastest(lambda: [pose_body(*pick(i), 1.0) for i in range(part.stop)], 1) * frames / part.stop
     print(f"body kinematics, 60 s: {1e3 * fast:.0f} ms at once, {slow / fast:.0f} times faster than frame by frame")
 

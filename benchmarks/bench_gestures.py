@@ -28,7 +28,7 @@ BUDGET = Path(__file__).parents[1] / "config" / "budgets" / "demo.yaml"
 def speaker(frames=256):
     """A clip of noise, whose shapes are all that counts."""
     rng = np.random.default_rng(0)
-    noise = lambda *shape: rng.normal(size=(frames, *shape)).astype(np.float32)  # noqa: E731
+    noise = lambda *shape: rng.normal(size=(frames, *shape)).astype(np.float32)
     return Clip("bench", "take", FPS, noise(55, 3), noise(28), rotation=noise(3), expression=noise(64), face_model="f")
 
 
@@ -63,7 +63,7 @@ def main():
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     budget, rng = read_yaml(BUDGET), np.random.default_rng(0)
-    speech = lambda seconds: rng.normal(size=(round(seconds * FPS), 28)).astype(np.float32)  # noqa: E731
+    speech = lambda seconds: rng.normal(size=(round(seconds * FPS), 28)).astype(np.float32)
     with tempfile.TemporaryDirectory() as folder:
         for model in ("regression", "lstm", "moglow"):
             generator, module = network(model, budget[model], Path(folder))

@@ -35,7 +35,7 @@ def size(network):
 def equal_holistic(table, cascade, conditions, layers):
     """One level of the whole pose whose number of parameters is nearest to the cascade's."""
     channels = 3 * table.vectors
-    of = lambda hidden: Level(channels, conditions, hidden, layers, 0.3)  # noqa: E731
+    of = lambda hidden: Level(channels, conditions, hidden, layers, 0.3)
     low, high = 8, 2048
     while high - low > 2:
         middle = (low + high) // 2 // 2 * 2

@@ -61,12 +61,25 @@ def random_database(clips):
     identity = [Normalization(np.zeros(n), np.ones(n)) for n in (96, 112)]
     speech, after = np.zeros((clips, 64, 14), np.float32), np.zeros((1, 14, 24), np.float32)
     return Database(
-        clustered(rng, clips, 96), clustered(rng, clips, 112), np.zeros((clips, 64, 55, 3), np.float32), None, eligible,
-        (np.arange(clips) // 92).astype(np.int32), [f"take{i}" for i in range(-(-clips // 92))],
-        np.arange(clips) % 92 * 64 / 15, 15.0, *identity, Words.none(), np.zeros(0, np.int32), np.ones_like(eligible),
-        speech=speech, joints_after=after, speech_after=after[..., :14], clips=np.array([clips], np.int32),
+        clustered(rng, clips, 96),
+        clustered(rng, clips, 112),
+        np.zeros((clips, 64, 55, 3), np.float32),
+        None,
+        eligible,
+        (np.arange(clips) // 92).astype(np.int32),
+        [f"take{i}" for i in range(-(-clips // 92))],
+        np.arange(clips) % 92 * 64 / 15,
+        15.0,
+        *identity,
+        Words.none(),
+        np.zeros(0, np.int32),
+        np.ones_like(eligible),
+        speech=speech,
+        joints_after=after,
+        speech_after=after[..., :14],
+        clips=np.array([clips], np.int32),
         moments=(Moments.none(96), Moments.none(112)),
-    )  # fmt: skip
+    )
 
 
 def literal_step(database, p, f, clips):
@@ -171,12 +184,12 @@ def live(table, database, matcher, queries):
 def batch(table, database, matcher, queries, sizes):
     """Many at once."""
     speeches, poses, sounds, squares = queries
-    run = lambda n: matcher.search_batch(list(speeches[:n]), initial=poses[:n].astype(float))  # noqa: E731
+    run = lambda n: matcher.search_batch(list(speeches[:n]), initial=poses[:n].astype(float))
     table.section(f"many queries at once, {len(database)} clips (per query)")
     seconds = [fastest(lambda n=n: run(n), 3 if n < 4096 else 1, warm=True) / n for n in sizes]
     for n, each in zip(sizes, seconds, strict=True):
         table.line(f"Matcher.search_batch of {n}", each, asked="at most 1.1 ms")
-    plain = lambda: torch_batch(database, squares, poses[: sizes[0]], sounds[: sizes[0]])  # noqa: E731
+    plain = lambda: torch_batch(database, squares, poses[: sizes[0]], sounds[: sizes[0]])
     theirs = fastest(plain, 2, warm=True) / sizes[0]
     table.line(f"plain torch, {sizes[0]}", theirs, times(theirs, seconds[0]), "at least 2 x")
     same = np.mean(np.array([int(m.clip[0]) for m in run(sizes[0])]) == plain().numpy())
@@ -193,7 +206,7 @@ def scaling(table, sizes):
         matcher, queries = Matcher(database, compiled=True), random_queries(database, 512)
         long = np.tile(queries[0][0], (20, 1))
         one = fastest(lambda m=matcher, x=long: m.search(x), 5, warm=True) / 20
-        run = lambda m=matcher, q=queries: m.search_batch(list(q[0]), initial=q[1].astype(float))  # noqa: E731
+        run = lambda m=matcher, q=queries: m.search_batch(list(q[0]), initial=q[1].astype(float))
         many = fastest(run, 2, warm=True) / 512
         table.line(f"{clips} clips, live", one / clips * 1000)
         table.line(f"{clips} clips, in a batch of 512", many / clips * 1000)
@@ -211,7 +224,7 @@ def random_queries(database, count):
 
 def fresh_process(table, database):
     """Start-up and memory of processes that open the database from its file."""
-    run = lambda code, path: float(subprocess.check_output([sys.executable, "-c", code, path]))  # noqa: E731
+    run = lambda code, path: float(subprocess.check_output([sys.executable, "-c", code, path]))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "database.h5"
         database.save(path)

@@ -32,8 +32,16 @@ def synthetic(seed):
     positions = moving(frames) + rng.normal(0, 0.001, (frames, 55, 3)).astype(np.float32)
     expression = np.abs(rng.normal(0, 0.2, (frames, len(COSPEECH64)))).astype(np.float32)
     rotation = (0.2 * np.sin(np.arange(frames)[:, None] / [9, 13, 17])).astype(np.float32)
-    return Clip("bench", "take", FPS, positions, np.zeros((frames, 28), np.float32), expression=expression,
-                rotation=rotation, face_model="cospeech64")  # fmt: skip
+    return Clip(
+        "bench",
+        "take",
+        FPS,
+        positions,
+        np.zeros((frames, 28), np.float32),
+        expression=expression,
+        rotation=rotation,
+        face_model="cospeech64",
+    )
 
 
 def plain(clips):
@@ -79,8 +87,10 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             write_player(Path(folder) / "page.html", panels[:count], audio=sound)
             rate, cost, clock, width = play(Path(folder) / "page.html")
-        print(f"{min(count, len(panels))} side by side: {rate:5.1f} pictures/s, {cost:5.1f} ms to draw all, clock runs "
-              f"{clock:.3f} s a second, {width} samples across a panel")  # fmt: skip
+        print(
+            f"{min(count, len(panels))} side by side: {rate:5.1f} pictures/s, {cost:5.1f} ms to draw all, clock runs "
+            f"{clock:.3f} s a second, {width} samples across a panel"
+        )
 
 
 if __name__ == "__main__":

@@ -80,13 +80,16 @@ def main():
     images = torch.rand(4, 3, 256, 256)
     network, classifier = PoseNet().eval(), ResNet50().eval()
     cases = [
-        ("Procrustes, 2929 poses (by poses)", lambda: metrics.align(pred, truth, "procrustes"),
-         lambda: procrustes_by_poses(pred, truth)),
+        (
+            "Procrustes, 2929 poses (by poses)",
+            lambda: metrics.align(pred, truth, "procrustes"),
+            lambda: procrustes_by_poses(pred, truth),
+        ),
         ("AUC, 2929 poses (31 times PCK)", lambda: metrics.auc(pred, truth), lambda: auc_by_thresholds(pred, truth)),
         ("crop of 2048 x 2048 (blur, then warp)", lambda: crop.image(image), lambda: crop_by_blur(crop, image)),
         ("heatmap targets, 64 x 14 (loops)", lambda: heatmap_targets(points, 16), lambda: targets_by_loops(points, 16)),
         ("network, 4 crops (bare ResNet-50)", lambda: infer(network, images), lambda: infer(classifier, images)),
-    ]  # fmt: skip
+    ]
     for name, ours, obvious in cases:
         mine, other = fastest(ours), fastest(obvious, 3)
         print(f"{name:40s} {1e3 * mine:9.2f} ms   {other / mine:8.2f} times the speed of the alternative")
@@ -109,14 +112,26 @@ def through_onnxruntime(network, classifier, threads=2):
         for _ in range(30):
             for i, session in enumerate(sessions):
                 best[i] = min(best[i], fastest(lambda run=session: run(images=crops.numpy()), 1))
-    print(f"onnxruntime, {threads} threads, a crop of 256 x 256: network {1e3 * best[0]:.1f} ms, bare ResNet-50 "
-          f"{1e3 * best[1]:.1f} ms, ratio {best[0] / best[1]:.2f}")  # fmt: skip
+    print(
+        f"onnxruntime, {threads} threads, a crop of 256 x 256: network {1e3 * best[0]:.1f} ms, bare ResNet-50 "
+        f"{1e3 * best[1]:.1f} ms, ratio {best[0] / best[1]:.2f}"
+    )
 
 
 def training_step(steps=40):
     """Seconds of a step of the demo budget's network, and the share of them that the data holds it up."""
-    settings = Settings(pretraining=0, steps=steps, batch=32, optimizer="adam", input=64, blocks=(1, 1, 2), width=16,
-                        free=18, latent=256, camera=64)  # fmt: skip
+    settings = Settings(
+        pretraining=0,
+        steps=steps,
+        batch=32,
+        optimizer="adam",
+        input=64,
+        blocks=(1, 1, 2),
+        width=16,
+        free=18,
+        latent=256,
+        camera=64,
+    )
     with tempfile.TemporaryDirectory() as folder:
         write_people(f"{folder}/people.h5", "body", {"studio": 128, "wild": 128}, size=64, seed=0)
         task = PoseTask(Mixture([f"{folder}/people.h5"]), settings, 0)
@@ -127,8 +142,10 @@ def training_step(steps=40):
         waited = task.loader.waited - before
         drawn, _ = timed(lambda: task.draw(0))
         task.loader.close()
-    print(f"training step, 32 people of 64 x 64: {1e3 * took / (steps - 5):.1f} ms, waiting for data "
-          f"{100 * waited / took:.1f} %; making a mini-batch takes {1e3 * drawn:.1f} ms in its thread")  # fmt: skip
+    print(
+        f"training step, 32 people of 64 x 64: {1e3 * took / (steps - 5):.1f} ms, waiting for data "
+        f"{100 * waited / took:.1f} %; making a mini-batch takes {1e3 * drawn:.1f} ms in its thread"
+    )
 
 
 def widths(rounds=5, batch=64):

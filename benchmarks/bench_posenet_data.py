@@ -33,9 +33,12 @@ def picture(rng, side):
 def crops(rng):
     pictures = np.stack([picture(rng, SIDE) for _ in range(16)])
     return Batch(
-        pictures[np.arange(COUNT) % 16], rng.uniform(0, SIDE, (COUNT, 14, 2)).astype(np.float32),
-        np.ones((COUNT, 14), bool), rng.normal(0, 300, (COUNT, 21, 3)).astype(np.float32), np.ones(COUNT, bool),
-    )  # fmt: skip
+        pictures[np.arange(COUNT) % 16],
+        rng.uniform(0, SIDE, (COUNT, 14, 2)).astype(np.float32),
+        np.ones((COUNT, 14), bool),
+        rng.normal(0, 300, (COUNT, 21, 3)).astype(np.float32),
+        np.ones(COUNT, bool),
+    )
 
 
 def from_full_frames(path, frames, rng):
@@ -88,8 +91,11 @@ def main():
         load = fastest(lambda: store[index])
         with h5py.File(folder / "raw.h5") as file:
             raw = fastest(lambda: [file["images"][i] for i in index])
-        report(f"{BATCH} crops of {SIDE} (decode and crop full frames)", load,
-               fastest(lambda: from_full_frames(folder / "frame.jpg", [frame], rng), 2))  # fmt: skip
+        report(
+            f"{BATCH} crops of {SIDE} (decode and crop full frames)",
+            load,
+            fastest(lambda: from_full_frames(folder / "frame.jpg", [frame], rng), 2),
+        )
         report(f"{BATCH} crops of {SIDE} (raw pixels, in the page cache)", load, raw)
         bytes_ = [(folder / name).stat().st_size / COUNT / 1e3 for name in ("store.h5", "raw.h5")]
         print(f"{'kB a crop, and raw':56s} {bytes_[0]:9.1f} kB   {bytes_[1]:8.1f} kB")

@@ -92,8 +92,16 @@ def main():
     lines = best(lambda: matplotlib_lines(positions[0]), 5)
     print(f"matplotlib, bones as lines   {lines:7.2f} ms = {lines / ours:.1f} times as long")
     restless = np.abs(np.random.default_rng(1).normal(0, 0.2, (FRAMES, len(COSPEECH64)))).astype(np.float32)
-    clip = Clip("bench", "take", FPS, positions, np.zeros((FRAMES, 28), np.float32), expression=restless,
-                rotation=np.zeros((FRAMES, 3), np.float32), face_model="cospeech64")  # fmt: skip
+    clip = Clip(
+        "bench",
+        "take",
+        FPS,
+        positions,
+        np.zeros((FRAMES, 28), np.float32),
+        expression=restless,
+        rotation=np.zeros((FRAMES, 3), np.float32),
+        face_model="cospeech64",
+    )
     sound = np.random.default_rng(0).normal(0, 0.1, round(clip.duration * 16000)).astype(np.float32), 16000
     with tempfile.TemporaryDirectory() as folder:
         film = Path(folder) / "film.mp4"

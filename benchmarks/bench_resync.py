@@ -47,7 +47,7 @@ def main():
     kept = sum(array.nbytes for array in pairs.windows.arrays.values()) + pairs.fakes.clip.nbytes * 2
     size = sum(array.nbytes for array in whole.values())
     print(f"{len(pairs)} windows: {kept / 1e6:.1f} MB kept, {size / 1e6:.1f} MB as arrays, ratio {size / kept:.0f}")
-    draw = lambda i: np.random.default_rng(i).integers(len(pairs), size=100)  # noqa: E731
+    draw = lambda i: np.random.default_rng(i).integers(len(pairs), size=100)
     asked = seconds_each(lambda i: pairs.take(draw(i)))
     copied = seconds_each(lambda i: {name: array[draw(i)] for name, array in whole.items()})
     print(f"a batch of 100: {asked * 1e3:.1f} ms on demand, {copied * 1e3:.1f} ms from arrays")

@@ -38,10 +38,10 @@ def rows(samples, rate, path):
         "librosa MFCC, 100 Hz",
         lambda: librosa_features(samples),
     )
-    published = lambda: speech_features(samples, rate, variant="published")  # noqa: E731
+    published = lambda: speech_features(samples, rate, variant="published")
     yield "features, published", published, "averaged", lambda: speech_features(samples, rate)
     yield "MFCC, 100 Hz", lambda: mfcc(samples, starts), "a loop over windows", lambda: one_by_one(samples, starts)
-    loudness = lambda: integrated_loudness(samples, rate)  # noqa: E731
+    loudness = lambda: integrated_loudness(samples, rate)
     try:
         import pyloudnorm
 

@@ -31,8 +31,10 @@ def prepared(folder):
     stimuli = []
     for method in range(METHODS):
         replace(synthetic(method), audio="speech.wav").write(folder / f"{method}.h5")
-        stimuli += [Stimulus(f"m{method}", f"t{start}", folder / f"{method}.h5", start, folder / "speech.wav", start,
-                             SECONDS) for start in (0.0, 20.0)]  # fmt: skip
+        stimuli += [
+            Stimulus(f"m{method}", f"t{start}", folder / f"{method}.h5", start, folder / "speech.wav", start, SECONDS)
+            for start in (0.0, 20.0)
+        ]
     return stimuli
 
 
@@ -65,16 +67,20 @@ def main():
         study, _ = timed(lambda: build_study(folder / "study", stimuli, Design(tracks=2)))
         filmed, _ = timed(lambda: films(folder / "films", stimuli))
         sizes = [megabytes(folder / part) for part in ("study", "films")]
-    print(f"{len(stimuli)} clips of {SECONDS:g} s: study {study:.1f} s, {sizes[0]:.1f} MB; films "
-          f"{filmed:.1f} s, {sizes[1]:.1f} MB; {filmed / study:.1f} times faster, "
-          f"{sizes[1] / sizes[0]:.1f} times smaller")  # fmt: skip
+    print(
+        f"{len(stimuli)} clips of {SECONDS:g} s: study {study:.1f} s, {sizes[0]:.1f} MB; films "
+        f"{filmed:.1f} s, {sizes[1]:.1f} MB; {filmed / study:.1f} times faster, "
+        f"{sizes[1] / sizes[0]:.1f} times smaller"
+    )
     rng = np.random.default_rng(0)
     duels = rng.integers(0, 3, (40, 8, 8)) * (1 - np.eye(8))
     assert np.isfinite(bradley_terry(duels.sum(0))).all()
     together, _ = timed(lambda: strengths(duels, "q", list("abcdefgh"), resamples=1000))
     alone, _ = timed(lambda: one_by_one(duels, 50))
-    print(f"bootstrap, 1000 resamples of 8 methods: {together:.2f} s; one by one {20 * alone:.1f} s; "
-          f"{20 * alone / together:.0f} times faster")  # fmt: skip
+    print(
+        f"bootstrap, 1000 resamples of 8 methods: {together:.2f} s; one by one {20 * alone:.1f} s; "
+        f"{20 * alone / together:.0f} times faster"
+    )
 
 
 if __name__ == "__main__":

@@ -32,9 +32,15 @@ def make_clip(seed=0, frames=256, subject="toy", clip=None, face=4):
     lengths = np.linalg.norm(offsets, axis=1)[:, None]
     turned *= np.divide(lengths, np.linalg.norm(turned, axis=2, keepdims=True), where=lengths > 0, out=0 * turned)
     return Clip(
-        subject, clip or f"take{seed:02d}", 15.0, from_parent_relative(turned).astype(np.float32), features,
-        rotation=(features[:, :3] * 0.1), expression=np.tanh(features[:, :face]), face_model="toy",
-    )  # fmt: skip
+        subject,
+        clip or f"take{seed:02d}",
+        15.0,
+        from_parent_relative(turned).astype(np.float32),
+        features,
+        rotation=(features[:, :3] * 0.1),
+        expression=np.tanh(features[:, :face]),
+        face_model="toy",
+    )
 
 
 @pytest.fixture(scope="session")

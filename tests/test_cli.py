@@ -27,9 +27,11 @@ def project(tmp_path_factory, toy_clips):
     subject = folder / "out" / "toy"
     split_clips({c.clip: c.frames for c in toy_clips}, {}, {"train": 0.8, "test": 0.2}).write(subject / "split.h5")
     Database.from_arrays(
-        [c.positions for c in toy_clips], [c.features for c in toy_clips], [c.clip for c in toy_clips],
+        [c.positions for c in toy_clips],
+        [c.features for c in toy_clips],
+        [c.clip for c in toy_clips],
         rotations=[c.rotation for c in toy_clips],
-    ).save(subject / "database.h5")  # fmt: skip
+    ).save(subject / "database.h5")
     settings = {"steps": 3, "batch": 4, "width": 0.05}
     train("regression", Recordings(toy_clips), settings, seed=0, folder=subject / "models" / "regression")
     toy_clips[0].write(subject / "clips" / "take00.h5")
@@ -45,10 +47,22 @@ def noise(seconds):
 
 
 def generate(project, out, *more, model="regression", audio="talk.wav"):
-    return main([
-        "generate", "--subject", "toy", "--model", model, "--audio", str(project / audio), "--out", str(out),
-        "--config", str(project / "config.yaml"), *more,
-    ])  # fmt: skip
+    return main(
+        [
+            "generate",
+            "--subject",
+            "toy",
+            "--model",
+            model,
+            "--audio",
+            str(project / audio),
+            "--out",
+            str(out),
+            "--config",
+            str(project / "config.yaml"),
+            *more,
+        ]
+    )
 
 
 @pytest.mark.parametrize("model", ["regression", "knn"])

@@ -22,7 +22,7 @@ from cospeech.learning.settings import (
     schema_of,
     settings_of,
     some_of,
-)  # fmt: skip
+)
 from cospeech.matching.resync.gan import Settings as ResyncSettings
 from tools import config
 
@@ -30,17 +30,34 @@ SECTIONS = config.sections()
 PAPER = yaml.safe_load((config.ROOT / "config/budgets/paper.yaml").read_text())
 # As printed: thesis 4.4 and 5.3.3 with its released code, 3.4.2; HA2G section 4.1 and its logs; reference section 5.
 PRINTED = {
-    "gesture_gan": {"steps": 300_000, "batch": 25, "frames": 64, "learning_rate": 5e-4,
-                    "weights": {"face": 0.37, "body": 600.0, "hands": 840.0, "adversarial": 5.0}},
-    "resync": {"steps": 300_000, "batch": 100, "learning_rate": 1e-4, "weight_decay": 4e-5, "gradient_penalty": 100.0,
-               "critic_iterations": 5, "fidelity": 0.1},
+    "gesture_gan": {
+        "steps": 300_000,
+        "batch": 25,
+        "frames": 64,
+        "learning_rate": 5e-4,
+        "weights": {"face": 0.37, "body": 600.0, "hands": 840.0, "adversarial": 5.0},
+    },
+    "resync": {
+        "steps": 300_000,
+        "batch": 100,
+        "learning_rate": 1e-4,
+        "weight_decay": 4e-5,
+        "gradient_penalty": 100.0,
+        "critic_iterations": 5,
+        "fidelity": 0.1,
+    },
     "lstm": {"hidden": 200, "layers": 1, "dropout": 0.1, "learning_rate": 1e-3},
     "moglow": {"hidden": 800, "flows": 10},
     "ha2g": {"learning_rate": 5e-4, "betas": (0.5, 0.999), "style": 18, "batch": 64, "epochs": 180.0},
-    "posenet": {"pretraining": 186_000, "pretraining_batch": 21, "steps": 240_000, "batch": 10, "learning_rate": 0.05,
-                "weights": {"heatmap": 0.1, "pose": 10.0, "bone_vector": 10.0, "bone_length": 100.0,
-                            "projection": 10.0}},
-}  # fmt: skip
+    "posenet": {
+        "pretraining": 186_000,
+        "pretraining_batch": 21,
+        "steps": 240_000,
+        "batch": 10,
+        "learning_rate": 0.05,
+        "weights": {"heatmap": 0.1, "pose": 10.0, "bone_vector": 10.0, "bone_length": 100.0, "projection": 10.0},
+    },
+}
 
 
 @dataclass(frozen=True)
@@ -133,10 +150,21 @@ def test_what_follows_from_a_key(monkeypatch):
 
 @pytest.mark.parametrize(
     ("value", "right"),
-    [({"steps": 1}, True), ({"steps": 0}, False), ({"steps": 1.5}, False), ({"rate": 1}, True), ({"kind": "odd"}, True),
-     ({"kind": "new"}, False), ({"parts": []}, False), ({"parts": ["face", "foot"]}, False), ({"trick": 1}, False),
-     ({"weights": {"far": 0}}, True), ({"weights": {"farther": 0}}, False), ({"frames": 64}, False)],
-)  # fmt: skip
+    [
+        ({"steps": 1}, True),
+        ({"steps": 0}, False),
+        ({"steps": 1.5}, False),
+        ({"rate": 1}, True),
+        ({"kind": "odd"}, True),
+        ({"kind": "new"}, False),
+        ({"parts": []}, False),
+        ({"parts": ["face", "foot"]}, False),
+        ({"trick": 1}, False),
+        ({"weights": {"far": 0}}, True),
+        ({"weights": {"farther": 0}}, False),
+        ({"frames": 64}, False),
+    ],
+)
 def test_the_schema_knows_types_limits_and_names(value, right):
     assert Draft202012Validator(schema_of(Toy())).is_valid(value) == right
 

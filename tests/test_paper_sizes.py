@@ -30,10 +30,15 @@ CHAPTER4 = [name for name, model in ALL.items() if "chapter4" in model.task]
 
 PAPER = yaml.safe_load((config.ROOT / "config/budgets/paper.yaml").read_text())
 SMALLER = {
-    "moglow": {"batch": 2, "frames": 10}, "resync": {"batch": 10}, "ha2g": {"batch": 2}, "trimodal": {"batch": 16},
-    "seq2seq": {"batch": 16}, "speech2gesture": {"batch": 8}, "joint_embedding": {"batch": 16},
+    "moglow": {"batch": 2, "frames": 10},
+    "resync": {"batch": 10},
+    "ha2g": {"batch": 2},
+    "trimodal": {"batch": 16},
+    "seq2seq": {"batch": 16},
+    "speech2gesture": {"batch": 8},
+    "joint_embedding": {"batch": 16},
     "posenet": {"batch": 2, "pretraining_batch": 2},
-}  # fmt: skip
+}
 SEEDS = {"joint_embedding": 1}  # one iteration from speech, one from poses
 STEPS = {"steps": 2, "pretraining": 2}
 pytestmark = pytest.mark.filterwarnings("ignore::cospeech.errors.CospeechNotice")
@@ -52,9 +57,11 @@ def settings(name):
 @pytest.fixture(scope="module")
 def database(toy_clips):
     return Database.from_arrays(
-        [c.positions for c in toy_clips], [c.features for c in toy_clips], [c.clip for c in toy_clips],
+        [c.positions for c in toy_clips],
+        [c.features for c in toy_clips],
+        [c.clip for c in toy_clips],
         rotations=[c.rotation for c in toy_clips],
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

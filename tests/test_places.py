@@ -76,9 +76,12 @@ def test_a_reader_that_goes_away_is_no_error(files):
     command = "from cospeech.commands import describe; describe.describe = lambda _: 'x\\n' * 1_000_000\n"
     command += "import sys; from cospeech.cli import main; sys.exit(main(['info', 'clip.h5']))"
     reader = subprocess.Popen(
-        [sys.executable, "-c", command], cwd=files, env=os.environ | {"PYTHONPATH": str(SOURCE)},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
+        [sys.executable, "-c", command],
+        cwd=files,
+        env=os.environ | {"PYTHONPATH": str(SOURCE)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     assert reader.stdout.readline() == b"x\n"
     reader.stdout.close()
     assert (reader.stderr.read(), reader.wait()) == (b"", 0)

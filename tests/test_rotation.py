@@ -86,7 +86,7 @@ def test_what_the_new_rate_cannot_carry_vanishes_and_does_not_fold():
 
 
 def test_what_the_new_rate_can_carry_stays():
-    wave = lambda t: np.radians(30) * np.sin(2 * np.pi * 4 * t)  # noqa: E731
+    wave = lambda t: np.radians(30) * np.sin(2 * np.pi * 4 * t)
     kept = resample_rotations(turning(wave(np.arange(1200) / 120), np.array([0.0, 1.0, 0.0])), 120, 15, 150)
     expected = turning(wave(np.arange(150) / 15), np.array([0.0, 1.0, 0.0]))
     assert degrees_apart(kept, expected)[8:-8].max() < 0.4

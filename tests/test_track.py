@@ -31,11 +31,22 @@ def make_track(frames=12, parts=PARTS, depth=True, face=True, seed=0):
     expression = rng.normal(size=(frames, 7)).astype("f4")
     coefficients = FaceCoefficients(expression, expression[:, :3], np.full(frames, 0.5, "f4"), "toy")
     return Track(
-        29.97, frames, 640, 480, **{part: points(part) for part in parts}, face=coefficients if face else None,
-        source="größe.mp4", source_sha256="ab" * 32, start=1.5, backend="toy", backend_version="2.0",
-        model_sha256="cd" * 32, licence_note="test only", camera=Camera(600.0, 601.0, 320.0, 241.0, "given"),
+        29.97,
+        frames,
+        640,
+        480,
+        **{part: points(part) for part in parts},
+        face=coefficients if face else None,
+        source="größe.mp4",
+        source_sha256="ab" * 32,
+        start=1.5,
+        backend="toy",
+        backend_version="2.0",
+        model_sha256="cd" * 32,
+        licence_note="test only",
+        camera=Camera(600.0, 601.0, 320.0, 241.0, "given"),
         cuts=np.array([frames // 2]) if frames > 1 else np.zeros(0, int),
-    )  # fmt: skip
+    )
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -76,8 +87,11 @@ def test_file_is_the_designed_schema_for_plain_h5py(tmp_path):
         assert {name: file[name].shape for name in shapes} == shapes
         body = file["body"].attrs
         assert (body["skeleton"], body["space"], body["root"], body["metric"]) == (
-            "blazepose33", "root", "left_hip", True,
-        )  # fmt: skip
+            "blazepose33",
+            "root",
+            "left_hip",
+            True,
+        )
         assert file["body/xy"].compression == "gzip" and file["body/xy"].dtype == np.float32
 
 
@@ -136,17 +150,31 @@ def test_assumed_camera_sees_fifty_degrees_over_the_longer_side():
 
 def test_skeleton_tables_name_the_points_as_their_authors_order_them():
     """Indices as OpenPose, MediaPipe, COCO-WholeBody and iBUG publish them, and upper13 as the start of upper55."""
-    index = lambda name: Skeleton.load(name).index  # noqa: E731
+    index = lambda name: Skeleton.load(name).index
     blaze, coco, openpose, hand = (index(n) for n in ("blazepose33", "coco23", "openpose25", "coco_wholebody_hand21"))
     assert [blaze[n] for n in ("nose", "left_shoulder", "right_wrist", "left_hip", "right_foot_index")] == [
-        0, 11, 16, 23, 32,
-    ]  # fmt: skip
+        0,
+        11,
+        16,
+        23,
+        32,
+    ]
     assert [coco[n] for n in ("nose", "left_ear", "left_shoulder", "right_wrist", "right_hip", "right_heel")] == [
-        0, 3, 5, 10, 12, 22,
-    ]  # fmt: skip
+        0,
+        3,
+        5,
+        10,
+        12,
+        22,
+    ]
     assert [openpose[n] for n in ("neck", "right_wrist", "pelvis", "left_ear", "left_big_toe", "right_heel")] == [
-        1, 4, 8, 18, 19, 24,
-    ]  # fmt: skip
+        1,
+        4,
+        8,
+        18,
+        19,
+        24,
+    ]
     assert [hand[n] for n in ("hand_root", "thumb_0", "index_0", "middle_3", "little_3")] == [0, 1, 5, 12, 20]
     landmarks = ("nose_tip", "right_eye_corner_outer", "left_eye_corner_inner", "left_lip_corner")
     assert [index("face68")[name] for name in landmarks] == [30, 36, 42, 54]

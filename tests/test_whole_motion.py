@@ -26,10 +26,13 @@ from tests.conftest import make_clip
 
 TINY = {"steps": 3, "batch": 4, "width": 0.05}
 NETWORKS = {
-    "regression": TINY, "gesture_gan": TINY, "velocity_gan": TINY, "lstm": {"steps": 3, "batch": 4, "hidden": 8},
+    "regression": TINY,
+    "gesture_gan": TINY,
+    "velocity_gan": TINY,
+    "lstm": {"steps": 3, "batch": 4, "hidden": 8},
     "moglow": {"steps": 3, "batch": 4, "frames": 32, "hidden": 8, "flows": 2},
     "resync": {"steps": 3, "batch": 4, "width": 0.05, "residual": False},
-}  # fmt: skip
+}
 HIPS = UPPER55.joints("right_hip", "left_hip")
 WRISTS = UPPER55.joints("right_wrist", "left_wrist")
 PLACE = np.array([[-0.09, -0.05, 0.01], [0.09, -0.05, 0.01]], np.float32)

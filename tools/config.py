@@ -161,9 +161,13 @@ def schema():
             found = {"$ref": f"#/$defs/{kind.section}"}
         properties[name] = found
     whole = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema", "type": "object", "additionalProperties": False,
-        "required": list(REQUIRED), "properties": properties, "$defs": definitions,
-    }  # fmt: skip
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "type": "object",
+        "additionalProperties": False,
+        "required": list(REQUIRED),
+        "properties": properties,
+        "$defs": definitions,
+    }
     return SCHEMA_HEAD + yaml.dump(whole, Dumper=Plain, sort_keys=False, width=120, default_flow_style=None)
 
 

@@ -49,9 +49,11 @@ def _show_warning(message, category, *_):
 
 def _parser():
     parser = argparse.ArgumentParser(
-        "cospeech", description=__doc__.splitlines()[0], epilog=EXAMPLES,
+        "cospeech",
+        description=__doc__.splitlines()[0],
+        epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--version", action="version", version=f"cospeech {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for group in (generate, capture, posenet, database, clip_files, player, study):

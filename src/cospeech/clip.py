@@ -200,10 +200,15 @@ class Clip:
         frames, joints = self.frames, len(UPPER55)
         width = None if self.expression is None else self.expression.shape[-1]
         expected = {
-            "positions": (frames, joints, 3), "features": (frames, FEATURES), "valid": (frames,),
-            "confidence": (frames, joints), "root": (frames, 3), "expression": (frames, width), "rotation": (frames, 3),
+            "positions": (frames, joints, 3),
+            "features": (frames, FEATURES),
+            "valid": (frames,),
+            "confidence": (frames, joints),
+            "root": (frames, 3),
+            "expression": (frames, width),
+            "rotation": (frames, 3),
             "face_confidence": (frames,),
-        }  # fmt: skip
+        }
         arrays = {name: getattr(self, name) for name in expected if getattr(self, name) is not None}
         for name, column in self.trace.columns.items() if self.trace else ():
             arrays[f"trace/{name}"], expected[f"trace/{name}"] = column, (frames,)
@@ -222,10 +227,18 @@ class Clip:
         """Write the HDF5 file whole or not at all (gzip + shuffle), after `validate`."""
         self.validate()
         head = {
-            "subject": self.subject, "clip": self.clip, "fps": float(self.fps), "frames": self.frames, "units": "m",
-            "axes": AXES, "skeleton": UPPER55.name, "source": self.source, "source_sha256": self.source_sha256,
-            "generator": self.generator, "cospeech_version": __version__,
-        }  # fmt: skip
+            "subject": self.subject,
+            "clip": self.clip,
+            "fps": float(self.fps),
+            "frames": self.frames,
+            "units": "m",
+            "axes": AXES,
+            "skeleton": UPPER55.name,
+            "source": self.source,
+            "source_sha256": self.source_sha256,
+            "generator": self.generator,
+            "cospeech_version": __version__,
+        }
         with writing_hdf5(path, SCHEMA, **(head | self.extra)) as file:
             audio = file.create_group("audio")
             audio.attrs.update(path=self.audio, sample_rate=self.sample_rate, loudness_lufs=self.loudness_lufs)
@@ -268,7 +281,7 @@ class Clip:
 
     @classmethod
     def _from_file(cls, file):
-        get = lambda name: file[name][()] if name in file else None  # noqa: E731
+        get = lambda name: file[name][()] if name in file else None
         head = {k: v.item() if isinstance(v, np.generic) else v for k, v in file.attrs.items()}
         known = {f.name for f in fields(cls)} & head.keys() | {"subject", "clip", "fps"}
         written = {"schema", "schema_version", "frames", "units", "axes", "cospeech_version"}
@@ -278,13 +291,23 @@ class Clip:
         if "words" in file:
             words = Words(get("words/start"), get("words/end"), list(file["words/text"].asstr()[()]))
         return cls(
-            **{k: head[k] for k in known}, positions=file["motion/positions"][()], features=file["audio/features"][()],
-            valid=file["valid"][()].astype(bool), confidence=get("motion/confidence"), root=get("motion/root"),
-            expression=get("face/expression"), rotation=get("face/rotation"), face_confidence=get("face/confidence"),
-            face_model=face.get("model", ""), words=words, audio=audio.get("path", ""),
-            sample_rate=int(audio.get("sample_rate", 0)), loudness_lufs=float(audio.get("loudness_lufs", np.nan)),
-            extra=extra, trace=Trace.read(file["trace"]) if "trace" in file else None,
-        )  # fmt: skip
+            **{k: head[k] for k in known},
+            positions=file["motion/positions"][()],
+            features=file["audio/features"][()],
+            valid=file["valid"][()].astype(bool),
+            confidence=get("motion/confidence"),
+            root=get("motion/root"),
+            expression=get("face/expression"),
+            rotation=get("face/rotation"),
+            face_confidence=get("face/confidence"),
+            face_model=face.get("model", ""),
+            words=words,
+            audio=audio.get("path", ""),
+            sample_rate=int(audio.get("sample_rate", 0)),
+            loudness_lufs=float(audio.get("loudness_lufs", np.nan)),
+            extra=extra,
+            trace=Trace.read(file["trace"]) if "trace" in file else None,
+        )
 
 
 def speaker_build(clips):

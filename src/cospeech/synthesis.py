@@ -54,7 +54,7 @@ def load(name, folder, threads=None, **options):
 
 def smooth(motion, sigma=SMOOTHING):
     """The published zero-phase Gaussian over time on joints and head rotation, not on expression. sigma in frames."""
-    blur = lambda x: None if x is None or not sigma else gaussian_filter1d(x, sigma, axis=0, mode="nearest")  # noqa: E731
+    blur = lambda x: None if x is None or not sigma else gaussian_filter1d(x, sigma, axis=0, mode="nearest")
     if not sigma:
         return motion
     return replace(motion, positions=blur(motion.positions), rotation=blur(motion.rotation))
@@ -74,9 +74,7 @@ def finished(motion, smoothing, replacements=(), fps=15.0):
     return motion.whole()
 
 
-def synthesize(
-    generator, speech, *, subject, clip, model, seed=0, smoothing=None, audio="", replace=(), **options,
-):  # fmt: skip
+def synthesize(generator, speech, *, subject, clip, model, seed=0, smoothing=None, audio="", replace=(), **options):
     """Speech in, a generated Clip of round(duration * fps) frames out.
 
     Parameters
@@ -92,8 +90,20 @@ def synthesize(
     motion = finished(generator.generate(speech, seed=seed, **options), smoothing, replace, speech.fps)
     source = {"source": Path(speech.path).name, "source_sha256": sha256(speech.path)} if speech.path else {}
     return Clip(
-        subject, clip, speech.fps, motion.positions.astype(np.float32), speech.features,
-        rotation=motion.rotation, expression=motion.expression, face_model=motion.face_model,
-        words=speech.words or Words.none(), audio=audio, sample_rate=speech.rate, loudness_lufs=speech.loudness,
-        generator=model, extra={"smoothing": float(smoothing), "seed": seed}, trace=motion.trace, **source,
-    )  # fmt: skip
+        subject,
+        clip,
+        speech.fps,
+        motion.positions.astype(np.float32),
+        speech.features,
+        rotation=motion.rotation,
+        expression=motion.expression,
+        face_model=motion.face_model,
+        words=speech.words or Words.none(),
+        audio=audio,
+        sample_rate=speech.rate,
+        loudness_lufs=speech.loudness,
+        generator=model,
+        extra={"smoothing": float(smoothing), "seed": seed},
+        trace=motion.trace,
+        **source,
+    )

@@ -72,7 +72,7 @@ class Points:
     def empty(cls, skeleton, frames, depth=True, **attributes):
         """Points never observed in `frames` frames: all zero."""
         count = len(Skeleton.load(skeleton))
-        zeros = lambda *shape: np.zeros((frames, count, *shape), np.float32)  # noqa: E731
+        zeros = lambda *shape: np.zeros((frames, count, *shape), np.float32)
         return cls(skeleton, zeros(2), zeros(), np.zeros(frames, bool), zeros(3) if depth else None, **attributes)
 
 
@@ -156,11 +156,19 @@ class Track:
     def write(self, path):
         """Write the HDF5 file whole or not at all (gzip + shuffle), after `validate`."""
         self.validate()
-        head = {
-            "fps": float(self.fps), "frames": self.frames, "width": self.width, "height": self.height,
-            "camera": [self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy],
-            "camera_origin": self.camera.origin, "cospeech_version": __version__,
-        } | {name: getattr(self, name) for name in TEXTS} | {"start": float(self.start)}  # fmt: skip
+        head = (
+            {
+                "fps": float(self.fps),
+                "frames": self.frames,
+                "width": self.width,
+                "height": self.height,
+                "camera": [self.camera.fx, self.camera.fy, self.camera.cx, self.camera.cy],
+                "camera_origin": self.camera.origin,
+                "cospeech_version": __version__,
+            }
+            | {name: getattr(self, name) for name in TEXTS}
+            | {"start": float(self.start)}
+        )
         with writing_hdf5(path, SCHEMA, **head) as file:
             for name, points in self.parts.items():
                 group = file.create_group(name)
@@ -185,10 +193,12 @@ class Track:
                 camera = Camera(*(float(v) for v in head["camera"]), head["camera_origin"])
                 kept = {f.name for f in fields(cls)} & head.keys() - {"camera"}
                 track = cls(
-                    **{key: head[key] for key in kept}, camera=camera, face=_read_face(file),
+                    **{key: head[key] for key in kept},
+                    camera=camera,
+                    face=_read_face(file),
                     cuts=file["cuts"][()] if "cuts" in file else np.zeros(0, np.int64),
                     **{name: _read_points(file[name]) for name in PARTS if name in file},
-                )  # fmt: skip
+                )
             except (KeyError, TypeError) as error:
                 raise CospeechError(f"{path}: no complete track, something is missing: {error.args[0]!s}") from error
         return track.validate(Path(path))
@@ -200,9 +210,15 @@ TEXTS = ("source", "source_sha256", "backend", "backend_version", "model_sha256"
 def _read_points(group):
     head = group.attrs
     return Points(
-        head["skeleton"], group["xy"][()], group["score"][()], group["observed"][()].astype(bool),
-        group["xyz"][()] if "xyz" in group else None, head["space"], head["root"], bool(head["metric"]),
-    )  # fmt: skip
+        head["skeleton"],
+        group["xy"][()],
+        group["score"][()],
+        group["observed"][()].astype(bool),
+        group["xyz"][()] if "xyz" in group else None,
+        head["space"],
+        head["root"],
+        bool(head["metric"]),
+    )
 
 
 def _read_face(file):

@@ -13,10 +13,12 @@ def save(path, nodes, outputs, size, constants=None, batch="n", layout="NCHW"):
     width, height = size
     shape = [batch, 3, height, width] if layout == "NCHW" else [batch, height, width, 3]
     graph = helper.make_graph(
-        nodes, "dots", [helper.make_tensor_value_info("input", TensorProto.FLOAT, shape)],
+        nodes,
+        "dots",
+        [helper.make_tensor_value_info("input", TensorProto.FLOAT, shape)],
         [helper.make_tensor_value_info(name, TensorProto.FLOAT, None) for name in outputs],
         [numpy_helper.from_array(np.asarray(value), name) for name, value in (constants or {}).items()],
-    )  # fmt: skip
+    )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     onnx.save(model, path)
     return path
@@ -30,10 +32,14 @@ def simcc_network(path, size, points=3, depth_bins=None, split=2, batch="n"):
     width = size[0]
     repeats = -(-points // 3)
     constants = {
-        "tile": np.array([1, repeats, 1, 1], np.int64), "start": np.array([0], np.int64),
-        "end": np.array([points], np.int64), "axis": np.array([1], np.int64),
-        "sx": np.array([1, 1, split], np.float32), "row": np.array([2], np.int64), "column": np.array([3], np.int64),
-    }  # fmt: skip
+        "tile": np.array([1, repeats, 1, 1], np.int64),
+        "start": np.array([0], np.int64),
+        "end": np.array([points], np.int64),
+        "axis": np.array([1], np.int64),
+        "sx": np.array([1, 1, split], np.float32),
+        "row": np.array([2], np.int64),
+        "column": np.array([3], np.int64),
+    }
     nodes = [
         helper.make_node("Tile", ["input", "tile"], ["tiled"]),
         helper.make_node("Slice", ["tiled", "start", "end", "axis"], ["channels"]),
@@ -42,9 +48,15 @@ def simcc_network(path, size, points=3, depth_bins=None, split=2, batch="n"):
     ]
     for name in "xy":
         nodes.append(
-            helper.make_node("Resize", [f"along_{name}", "", "sx"], [f"simcc_{name}"], mode="nearest",
-                             coordinate_transformation_mode="asymmetric", nearest_mode="floor")
-        )  # fmt: skip
+            helper.make_node(
+                "Resize",
+                [f"along_{name}", "", "sx"],
+                [f"simcc_{name}"],
+                mode="nearest",
+                coordinate_transformation_mode="asymmetric",
+                nearest_mode="floor",
+            )
+        )
     outputs = ["simcc_x", "simcc_y"]
     if depth_bins is not None:
         one_hot = np.zeros((1, points, split * width), np.float32)

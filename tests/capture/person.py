@@ -10,10 +10,16 @@ from cospeech.track import Camera, Points, Track
 
 J = UPPER55.index
 TRUNK = {
-    "pelvis": (0, 0, 0), "spine": (0, 0.25, 0), "neck": (0, 0.50, 0), "head": (0, 0.58, 0.02), "head_top": (0, 0.76, 0),
-    "left_hip": (0.09, -0.05, 0), "right_hip": (-0.09, -0.05, 0),
-    "left_shoulder": (0.18, 0.46, 0), "right_shoulder": (-0.18, 0.46, 0),
-}  # fmt: skip
+    "pelvis": (0, 0, 0),
+    "spine": (0, 0.25, 0),
+    "neck": (0, 0.50, 0),
+    "head": (0, 0.58, 0.02),
+    "head_top": (0, 0.76, 0),
+    "left_hip": (0.09, -0.05, 0),
+    "right_hip": (-0.09, -0.05, 0),
+    "left_shoulder": (0.18, 0.46, 0),
+    "right_shoulder": (-0.18, 0.46, 0),
+}
 UPPER_ARM, FOREARM, HEAD = 0.28, 0.25, np.array([0.0, 0.66, 0.02])
 
 
@@ -71,8 +77,17 @@ def make_track(seconds=4.0, fps=30.0, yaw=0.0, noise=0.0, seed=0, face=True):
         marks = embedded().vertices(expression, chosen=embedded().landmarks)
         marks = np.einsum("fab,flb->fla", turn.as_matrix(), marks) + HEAD
         parts["face_landmarks"] = _points("face68", marks, "", noise / 4, rng, space="camera")
-    return Track(fps, len(truth), 1920, 1080, **parts, source="made.mp4", backend="truth",
-                 licence_note="no terms", camera=Camera(1500.0, 1500.0, 960.0, 540.0, "given"))  # fmt: skip
+    return Track(
+        fps,
+        len(truth),
+        1920,
+        1080,
+        **parts,
+        source="made.mp4",
+        backend="truth",
+        licence_note="no terms",
+        camera=Camera(1500.0, 1500.0, 960.0, 540.0, "given"),
+    )
 
 
 def _points(skeleton, points, root, noise, rng, space=None):
@@ -82,5 +97,13 @@ def _points(skeleton, points, root, noise, rng, space=None):
     xyz = camera if space else camera - camera[:, origin]
     frames, count = points.shape[:2]
     space = space or ("wrist" if root == "hand_root" else "root")
-    return Points(skeleton, xy.astype(np.float32), np.ones((frames, count), np.float32), np.ones(frames, bool),
-                  xyz.astype(np.float32), space, root, True)  # fmt: skip
+    return Points(
+        skeleton,
+        xy.astype(np.float32),
+        np.ones((frames, count), np.float32),
+        np.ones(frames, bool),
+        xyz.astype(np.float32),
+        space,
+        root,
+        True,
+    )

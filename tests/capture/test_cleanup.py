@@ -17,8 +17,19 @@ from cospeech.capture.cleanup.stretch import Face
 from cospeech.errors import CospeechError
 from cospeech.skeleton import LEFT_HAND, RIGHT_HAND, bone_lengths
 
-OFF = Cleanup(bone_tolerance=0, speed_limit=0, agreement=0, joined=0, sigma=0, upright=False, forward=False,
-              unify_bones=False, threshold=0, wrists=False, ahead=False)  # fmt: skip
+OFF = Cleanup(
+    bone_tolerance=0,
+    speed_limit=0,
+    agreement=0,
+    joined=0,
+    sigma=0,
+    upright=False,
+    forward=False,
+    unify_bones=False,
+    threshold=0,
+    wrists=False,
+    ahead=False,
+)
 
 
 def cleaned(track, settings=OFF, seconds=4.0, **options):

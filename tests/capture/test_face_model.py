@@ -129,8 +129,16 @@ def write_layout(kind, folder):
         np.savez(path, v_template=MEAN, shapedirs=both, f=TRIANGLES)
     elif kind == "mat":
         path = folder / "c.mat"
-        savemat(path, {"meanshape": MEAN.reshape(1, -1), "idBase": IDENTITY * 2, "exBase": EXPRESSION,
-                       "tri": TRIANGLES + 1, "keypoints": np.arange(68)[None] % 10 + 1})  # fmt: skip
+        savemat(
+            path,
+            {
+                "meanshape": MEAN.reshape(1, -1),
+                "idBase": IDENTITY * 2,
+                "exBase": EXPRESSION,
+                "tri": TRIANGLES + 1,
+                "keypoints": np.arange(68)[None] % 10 + 1,
+            },
+        )
     else:
         path = folder / "d.h5"
         with h5py.File(path, "w") as file:

@@ -110,7 +110,7 @@ def test_the_fit_is_smoother_than_frames_on_their_own():
     face = Face(seconds=2.0, noise=0.003)
     together = fit_landmarks(face.points, fps=FPS)
     apart = fit_landmarks(face.points, fps=FPS, cuts=np.arange(1, len(face.points)))  # every frame a shot of its own
-    shake = lambda fit: np.abs(np.diff(fit.expression, n=2, axis=0)).mean()  # noqa: E731
+    shake = lambda fit: np.abs(np.diff(fit.expression, n=2, axis=0)).mean()
     assert shake(together) < 0.6 * shake(apart)
 
 
@@ -126,10 +126,15 @@ def test_a_model_of_the_users_with_other_sizes_is_fitted():
     rng = np.random.default_rng(1)
     kept = whole.landmarks
     other = FaceModel(
-        "other", whole.mean[kept], whole.identity[kept][..., :5],
-        np.stack([whole.expression[kept][..., i] for i in (0, 9, 46)], -1), np.array([[0, 1, 2]]), np.arange(68),
-        np.arange(48, 68), licence_note="theirs",
-    )  # fmt: skip
+        "other",
+        whole.mean[kept],
+        whole.identity[kept][..., :5],
+        np.stack([whole.expression[kept][..., i] for i in (0, 9, 46)], -1),
+        np.array([[0, 1, 2]]),
+        np.arange(68),
+        np.arange(48, 68),
+        licence_note="theirs",
+    )
     face = Face(seconds=2.0, model=other)
     fit = fit_landmarks(face.points + rng.normal(size=face.points.shape) * 1e-4, fps=FPS, model=other)
     assert fit.expression.shape == (60, 3) and fit.identity.shape == (5,)

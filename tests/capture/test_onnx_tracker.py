@@ -25,10 +25,14 @@ PLACES = np.stack([50 + STEPS * [2, 1], 90 + STEPS * [3, -1], 60 + STEPS * [1, 3
 
 def write_manifest(path, **changes):
     content = {
-        "name": "dots", "model": "dots.onnx", "licence_note": "test", "input": {"size": list(SIZE), "scale": 1 / 255},
-        "crop": {"margin": 1.6, "least_score": 0.2}, "codec": {"kind": "simcc2d", "x": "simcc_x", "y": 1},
+        "name": "dots",
+        "model": "dots.onnx",
+        "licence_note": "test",
+        "input": {"size": list(SIZE), "scale": 1 / 255},
+        "crop": {"margin": 1.6, "least_score": 0.2},
+        "codec": {"kind": "simcc2d", "x": "simcc_x", "y": 1},
         "parts": {"body": {"skeleton": "dots3", "first": 0}},
-    }  # fmt: skip
+    }
     path.write_text(yaml.safe_dump(content | changes), encoding="utf-8")
     return path
 
@@ -109,8 +113,11 @@ def test_the_whole_body_comes_apart_as_coco_wholebody_orders_it(tmp_path, film):
     track = run_trackers(film, tracker)
     starts = {"body": 0, "face_landmarks": 23, "left_hand": 91, "right_hand": 112}
     assert {part: len(points.table) for part, points in track.parts.items()} == {
-        "body": 23, "face_landmarks": 68, "left_hand": 21, "right_hand": 21,
-    }  # fmt: skip
+        "body": 23,
+        "face_landmarks": 68,
+        "left_hand": 21,
+        "right_hand": 21,
+    }
     for part, first in starts.items():
         point = track.parts[part].xy[:, 0]
         np.testing.assert_allclose(point, PLACES[:, first % 3], atol=1.0, err_msg=part)
@@ -276,7 +283,7 @@ def test_our_own_networks_are_one_more_manifest(tmp_path):
     assert back.backend == "posenet" and body.metric and (body.space, left.space) == ("root", "wrist")
     lengths = np.linalg.norm(truth["body"][1], axis=1) / 1000  # millimetres there, metres here; a turn keeps lengths
     np.testing.assert_allclose(np.linalg.norm(body.xyz[0], axis=1), lengths, rtol=1e-5)
-    centred = lambda xy: (xy - xy.mean(axis=0)) / np.ptp(xy, axis=0).max()  # noqa: E731
+    centred = lambda xy: (xy - xy.mean(axis=0)) / np.ptp(xy, axis=0).max()
     hand = centred(truth["hand"][0])
     np.testing.assert_allclose(centred(body.xy[0]), centred(truth["body"][0]), atol=1e-5)
     np.testing.assert_allclose(centred(right.xy[0]), hand, atol=1e-5)

@@ -6,15 +6,7 @@ import torch
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from cospeech.capture.photometric import (
-    explain,
-    fit_light,
-    harmonics,
-    mean_albedo,
-    sample,
-    shade,
-    vertex_normals,
-)  # fmt: skip
+from cospeech.capture.photometric import explain, fit_light, harmonics, mean_albedo, sample, shade, vertex_normals
 from cospeech.face.model import embedded
 from cospeech.face.solver import AXES
 

@@ -100,8 +100,15 @@ def test_openpose_files_whose_numbers_are_no_frames(tmp_path, film):
         read_parts(folder)
 
 
-NOBODY = ['{"people": null}', '{"people": [null]}', '{"people": []}', '{"version": 1.3}', '{"people": [{}]}',
-          '{"people": [{"pose_keypoints_2d": null}]}', '{"people": [{"pose_keypoints_2d": []}]}']  # fmt: skip
+NOBODY = [
+    '{"people": null}',
+    '{"people": [null]}',
+    '{"people": []}',
+    '{"version": 1.3}',
+    '{"people": [{}]}',
+    '{"people": [{"pose_keypoints_2d": null}]}',
+    '{"people": [{"pose_keypoints_2d": []}]}',
+]
 
 
 @pytest.mark.parametrize("content", NOBODY)
@@ -180,10 +187,16 @@ def test_the_published_49_and_52_points(tmp_path, film):
     parts, rate = read_parts(folder)
     assert rate == 15.0
     for part, name, number in (
-        ("body", "neck", 0), ("body", "right_shoulder", 1), ("body", "right_wrist", 3), ("body", "left_wrist", 6),
-        ("left_hand", "hand_root", 7), ("left_hand", "thumb_0", 8), ("left_hand", "little_3", 27),
-        ("right_hand", "hand_root", 28), ("right_hand", "little_3", 48),
-    ):  # fmt: skip
+        ("body", "neck", 0),
+        ("body", "right_shoulder", 1),
+        ("body", "right_wrist", 3),
+        ("body", "left_wrist", 6),
+        ("left_hand", "hand_root", 7),
+        ("left_hand", "thumb_0", 8),
+        ("left_hand", "little_3", 27),
+        ("right_hand", "hand_root", 28),
+        ("right_hand", "little_3", 48),
+    ):
         np.testing.assert_allclose(at(parts[part], name)[:, 0], number + np.arange(12), err_msg=name)
     assert parts["body"].score[:, parts["body"].table.index["nose"]].max() == 0  # not among the 49
     for lost in (4, 5):
@@ -292,9 +305,12 @@ def test_files_that_are_none_of_these(tmp_path):
     (tmp_path / "bad").mkdir()
     (tmp_path / "bad" / "a_keypoints.json").write_text('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}')
     for name, words in {
-        "other.npz": "none of the formats", "objects.npz": "pickled", "text.npz": "not a readable .npz",
-        "empty": "neither", "bad": "25 points",
-    }.items():  # fmt: skip
+        "other.npz": "none of the formats",
+        "objects.npz": "pickled",
+        "text.npz": "not a readable .npz",
+        "empty": "neither",
+        "bad": "25 points",
+    }.items():
         with pytest.raises(CospeechError, match=words) as error:
             read_parts(tmp_path / name)
         assert name in str(error.value) and "\n" not in str(error.value)

@@ -149,9 +149,11 @@ def test_what_the_runner_writes_is_read_back(tmp_path):
     (tmp_path / "records").write_bytes(rows.tobytes())
     parts = _parts(tmp_path / "records", 2, 1.5)
     assert {name: points.observed.tolist() for name, points in parts.items()} == {
-        "body": [True, False], "left_hand": [False, False], "right_hand": [True, False],
+        "body": [True, False],
+        "left_hand": [False, False],
+        "right_hand": [True, False],
         "face_landmarks": [False, False],
-    }  # fmt: skip
+    }
     np.testing.assert_allclose(parts["body"].xy[0], body[:, :2] * 1.5)
     np.testing.assert_allclose(parts["body"].xyz[0], body[:, 2:5])
     np.testing.assert_allclose(parts["right_hand"].xyz[0], hand[:, 2:5] - hand[0, 2:5])

@@ -105,9 +105,12 @@ def test_known_errors_are_measured(truth):
     confidence[: truth.frames // 5, RIGHT_HAND] = 0
     turned = (Rotation.from_rotvec(truth.rotation) * Rotation.from_euler("X", 10, degrees=True)).as_rotvec()
     clip = replace(
-        truth, positions=positions, confidence=confidence, rotation=turned.astype(np.float32),
+        truth,
+        positions=positions,
+        confidence=confidence,
+        rotation=turned.astype(np.float32),
         expression=1 - truth.expression,
-    )  # fmt: skip
+    )
     found = errors_of(clip, truth)
     assert found["wrists"].median == pytest.approx(30, abs=0.01) and found["elbows"].median == 0
     assert found["right hand"].median == pytest.approx(0, abs=0.01)

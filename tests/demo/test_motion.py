@@ -66,7 +66,7 @@ def test_hands_are_never_inside_the_trunk(take):
 
 def test_fingers_bend_only_towards_the_palm(take):
     """The angle between a finger's bones stays within what a hand can do, and hands close, open and point."""
-    bones = lambda side, finger: np.diff(  # noqa: E731
+    bones = lambda side, finger: np.diff(
         take["positions"][:, UPPER55.joints(*(f"{side}_{finger}_{i}" for i in range(4)))], axis=1
     )
     bent = {}
@@ -128,7 +128,7 @@ def test_lively_moves_more_faster_and_higher_than_calm(takes):
     assert lively["speed"].mean() > 1.5 * calm["speed"].mean()
     assert len(lively["gestures/apex"]) > 1.3 * len(calm["gestures/apex"])
     assert np.percentile(lively["speed"], 99) > 1.4 * np.percentile(calm["speed"], 99)
-    reach = lambda take: np.percentile(take["positions"][:, WRISTS, 1], 95)  # noqa: E731
+    reach = lambda take: np.percentile(take["positions"][:, WRISTS, 1], 95)
     assert reach(lively) > reach(calm) + 0.05
 
 

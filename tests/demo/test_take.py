@@ -146,11 +146,14 @@ def test_the_wrong_sound_is_refused(make):
         read_take(make("calm")[0], make("lively")[1], subject="calm", clip="x")
 
 
-@pytest.mark.parametrize(("speaker", "seconds", "message"), [
-    ("nobody", 10.0, "there are calm, lively"),
-    ("calm", 2.0, "needs 5 s or more"),
-    ("calm", float("nan"), "5 s or more"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("speaker", "seconds", "message"),
+    [
+        ("nobody", 10.0, "there are calm, lively"),
+        ("calm", 2.0, "needs 5 s or more"),
+        ("calm", float("nan"), "5 s or more"),
+    ],
+)
 def test_mistakes_are_told_in_one_line(tmp_path, speaker, seconds, message):
     with pytest.raises(CospeechError, match=message) as raised:
         write_take(speaker, 0, seconds=seconds, seed=0, wav=tmp_path / "a.wav", truth=tmp_path / "a.h5")

@@ -11,9 +11,13 @@ def rest_pose():
     """(55, 3): upright, upper arms down, forearms forward, every bone but the hand roots' with a length."""
     pose = np.zeros((55, 3))
     body = {
-        "spine": (0, 0.25, 0), "neck": (0, 0.5, 0), "head": (0, 0.62, 0.02), "head_top": (0, 0.75, 0),
-        "left_hip": (0.1, -0.05, 0), "right_hip": (-0.1, -0.05, 0),
-    }  # fmt: skip
+        "spine": (0, 0.25, 0),
+        "neck": (0, 0.5, 0),
+        "head": (0, 0.62, 0.02),
+        "head_top": (0, 0.75, 0),
+        "left_hip": (0.1, -0.05, 0),
+        "right_hip": (-0.1, -0.05, 0),
+    }
     for side, sign in (("left", 1), ("right", -1)):
         body |= {f"{side}_shoulder": (0.2 * sign, 0.45, 0), f"{side}_elbow": (0.2 * sign, 0.15, 0)}
         body |= {f"{side}_{name}": (0.2 * sign, 0.15, 0.25) for name in ("wrist", "hand_root")}
@@ -52,7 +56,7 @@ def speaker(seed, seconds=20, fps=15.0):
     onsets = onsets[onsets < seconds - 0.5]
     at = np.arange(frames) / fps
     size = rng.uniform(0.3, 1.0, size=(2, len(onsets)))
-    stroke = lambda s: (s[:, None] * np.exp(-(((at - onsets[:, None]) / 0.2) ** 2))).sum(0)  # noqa: E731
+    stroke = lambda s: (s[:, None] * np.exp(-(((at - onsets[:, None]) / 0.2) ** 2))).sum(0)
     drift = 0.1 * np.sin(at[None] * rng.uniform(0.5, 1.0, (2, 1)) + rng.uniform(0, 6, (2, 1)))
     positions = swing(-stroke(size[0]) - drift[0], -stroke(size[1]) - drift[1])
     features = 0.1 * rng.normal(size=(frames, 28))

@@ -28,7 +28,7 @@ class Shaking:
 @pytest.fixture(scope="module")
 def compared(speaker, training_part, feature_net):
     takes = [speaker(seed) for seed in (20, 21)]
-    turned = lambda clip: replace(clip, rotation=np.zeros((clip.frames, 3), "f4"))  # noqa: E731
+    turned = lambda clip: replace(clip, rotation=np.zeros((clip.frames, 3), "f4"))
     truth, train = {take[0].clip: turned(take[0]) for take in takes}, [turned(clip) for clip in training_part]
     reference = Reference.build(truth, train, feature_net, {take[0].clip: take[1:] for take in takes})
     settings = Settings(steps=30, batch=8, frames=32, width=0.1)

@@ -63,8 +63,11 @@ def test_tables_on_disk(study, tmp_path):
     with open(tmp_path / "t.csv", newline="") as file:
         lines = list(csv.DictReader(file))
     assert [(line["signal"], line["level"], line["model"]) for line in lines] == [
-        (*HIGH, "knn"), (*HIGH, "resync"), (*SLOW, "knn"), (*SLOW, "resync")
-    ]  # fmt: skip
+        (*HIGH, "knn"),
+        (*HIGH, "resync"),
+        (*SLOW, "knn"),
+        (*SLOW, "resync"),
+    ]
     assert (lines[0]["change"], lines[0]["threshold"], lines[0]["unit"]) == ("n/a", "0.25", "m")
     with h5py.File(tmp_path / "t.h5") as file:
         np.testing.assert_allclose(file["kept"][()], [row.kept for row in rows])
@@ -143,11 +146,19 @@ def test_variants_are_judged_and_stand_in_the_tables_order(puppet, training_part
     again = knn.generate(clips["t"].features, seed=4, variant="pose_only")
     assert found["knn_pose_only"].values.shape[0] == 2 and len(again) == 300
     head = found["knn_audio"]
-    row = lambda name: Evaluation("puppet", name, 4, head.clips, head.frames, head.values, head.mean, head.deviation)  # noqa: E731
+    row = lambda name: Evaluation("puppet", name, 4, head.clips, head.frames, head.values, head.mean, head.deviation)
     everything = ordered([row("resync"), *found.values(), row("knn"), row("ground_truth"), row("gesture_gan")])
     names = [e.row for e in everything]
-    assert names == ["ground_truth", "gesture_gan", "knn_pose_only", "knn_audio", "knn", "knn_mean_pose", "knn_fifth",
-                     "resync"]  # fmt: skip
+    assert names == [
+        "ground_truth",
+        "gesture_gan",
+        "knn_pose_only",
+        "knn_audio",
+        "knn",
+        "knn_mean_pose",
+        "knn_fifth",
+        "resync",
+    ]
     write_table(tmp_path / "t.csv", everything, METRICS)
     header = Path(tmp_path / "t.csv").read_text().splitlines()[0].split(",")
     assert len(header) == 4 + 2 * len(METRICS) and header[4] == "fgd"

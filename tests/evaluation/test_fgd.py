@@ -18,7 +18,7 @@ def held_out(speaker):
 
 
 def test_fgd_orders_truth_damped_motion_and_mean_pose(feature_net, training_part, held_out):
-    encode = lambda motions: np.concatenate([feature_net.latents(p, stride=3) for p in motions])  # noqa: E731
+    encode = lambda motions: np.concatenate([feature_net.latents(p, stride=3) for p in motions])
     real = encode(clip.positions for clip in training_part)
     mean = np.mean([clip.positions.mean(axis=0) for clip in training_part], axis=0)
     distances = [
@@ -35,7 +35,7 @@ def test_fgd_orders_truth_damped_motion_and_mean_pose(feature_net, training_part
 
 
 def test_fgd_grows_with_noise(feature_net, held_out):
-    encode = lambda motions: np.concatenate([feature_net.latents(p, stride=3) for p in motions])  # noqa: E731
+    encode = lambda motions: np.concatenate([feature_net.latents(p, stride=3) for p in motions])
     noise = np.random.default_rng(0).normal(size=held_out[0].shape)
     real = encode(held_out)
     distances = [frechet_distance(encode([p + s * noise for p in held_out]), real) for s in (0, 0.003, 0.01, 0.03)]

@@ -27,9 +27,7 @@ def pendulum(swing):
 
 
 def score(changes, onsets, **options):
-    return beats.beat_consistency(
-        changes, onsets, beats.mean_angle_change(changes), **({"threshold": 0.03} | options)
-    )  # fmt: skip
+    return beats.beat_consistency(changes, onsets, beats.mean_angle_change(changes), **({"threshold": 0.03} | options))
 
 
 def test_only_the_elbow_moves_and_by_what_it_turned(swing):
@@ -119,9 +117,10 @@ def test_released_mode_is_the_released_loop_over_windows(seed):
         found = [
             t / 15
             for t in range(2, 33)
-            if rate[t] < rate[t - 1] and rate[t] < rate[t + 1]
+            if rate[t] < rate[t - 1]
+            and rate[t] < rate[t + 1]
             and (rate[t - 1] - rate[t] >= 0.03 or rate[t + 1] - rate[t] >= 0.03)
-        ]  # fmt: skip
+        ]
         if found:
             total += sum(np.exp(-min((onset - beat) ** 2 for beat in found) / 0.02) for onset in heard)
             count += len(heard)

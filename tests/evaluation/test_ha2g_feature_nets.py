@@ -107,8 +107,8 @@ def test_it_is_the_same_bytes_again_and_names_its_file(tmp_path, training_part, 
 def test_frechet_distance_grows_with_damage(training_part, speaker, expressive_net):
     test = [speaker(seed)[0] for seed in (20, 21)]
     rng = np.random.default_rng(0)
-    noise = lambda size: [clip.positions + rng.normal(0, size, clip.positions.shape) for clip in test]  # noqa: E731
-    latents = lambda motions: np.concatenate([expressive_net.latents(positions) for positions in motions])  # noqa: E731
+    noise = lambda size: [clip.positions + rng.normal(0, size, clip.positions.shape) for clip in test]
+    latents = lambda motions: np.concatenate([expressive_net.latents(positions) for positions in motions])
     truth = latents([clip.positions for clip in test])
     near, far = (gesture_metrics.frechet_distance(latents(noise(size)), truth) for size in (0.002, 0.02))
     train = gesture_metrics.frechet_distance(latents([clip.positions for clip in training_part]), truth)

@@ -26,8 +26,15 @@ def tetrahedron():
     """Four vertices; the first expression moves vertex 1 by 3 mm to the left, the second vertex 2 by 4 mm up."""
     expression = np.zeros((4, 3, 2))
     expression[1, 0, 0], expression[2, 1, 1] = 0.003, 0.004
-    return FaceModel("tetra", np.eye(4, 3), np.zeros((4, 3, 1)), expression, np.array([[0, 1, 2]]), np.full(68, -1),
-                     lips=np.array([1, 2]))  # fmt: skip
+    return FaceModel(
+        "tetra",
+        np.eye(4, 3),
+        np.zeros((4, 3, 1)),
+        expression,
+        np.array([[0, 1, 2]]),
+        np.full(68, -1),
+        lips=np.array([1, 2]),
+    )
 
 
 def test_distance_by_hand():

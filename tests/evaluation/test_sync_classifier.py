@@ -56,8 +56,12 @@ def test_score_is_the_share_of_windows_in_sync(classifier):
     whole = classifier.score(clip.features, clip.motion)
     none = classifier.score(clip.features, other.motion)
     assert whole > 0.6 and none < 0.3
-    half = Motion(*(np.concatenate([a[:128], b[128:]]) for a, b in ((clip.positions, other.positions),
-                                                                    (clip.rotation, other.rotation))))  # fmt: skip
+    half = Motion(
+        *(
+            np.concatenate([a[:128], b[128:]])
+            for a, b in ((clip.positions, other.positions), (clip.rotation, other.rotation))
+        )
+    )
     assert none < classifier.score(clip.features, half) < whole
     assert np.isnan(classifier.score(clip.features[:31], clip.section(0, 31).motion))
 

@@ -4,10 +4,16 @@ import numpy as np
 
 FINGERS = {"Thumb": (3, -1, 3), "Index": (9.5, 0, 2.5), "Middle": (9.5, 0, 0), "Ring": (9, 0, -2), "Pinky": (8, 0, -4)}
 SPINE = [
-    ("Hips", None, (0, 90, 0)), ("Spine", "Hips", (0, 9, -2)), ("Spine1", "Spine", (0, 9, 0)),
-    ("Spine2", "Spine1", (0, 12, 0)), ("Spine3", "Spine2", (0, 12, 0)), ("Neck", "Spine3", (0, 18, 0)),
-    ("Neck1", "Neck", (0, 5, 0)), ("Head", "Neck1", (0, 5, 0)), ("HeadEnd", "Head", (0, 12, 0)),
-]  # fmt: skip
+    ("Hips", None, (0, 90, 0)),
+    ("Spine", "Hips", (0, 9, -2)),
+    ("Spine1", "Spine", (0, 9, 0)),
+    ("Spine2", "Spine1", (0, 12, 0)),
+    ("Spine3", "Spine2", (0, 12, 0)),
+    ("Neck", "Spine3", (0, 18, 0)),
+    ("Neck1", "Neck", (0, 5, 0)),
+    ("Head", "Neck1", (0, 5, 0)),
+    ("HeadEnd", "Head", (0, 12, 0)),
+]
 CARPALS = {"Index": (3, 0, 1.5), "Ring": (3, 0, -1), "Pinky": (1, 0, -1)}  # BEAT only
 
 

@@ -102,9 +102,19 @@ def test_position_channels_move_joints_frame_by_frame(file):
 
 @pytest.mark.parametrize(
     ("printed", "fps"),
-    [("0.0333333", 30), ("0.033", 30), ("0.008333", 120), ("0.00833333", 120), ("0.04", 25), ("0.1", 10),
-     ("0.016667", 60), ("0.033367", 30000 / 1001), ("3.3333333e-2", 30), ("0.01234567", 1 / 0.01234567)],
-)  # fmt: skip
+    [
+        ("0.0333333", 30),
+        ("0.033", 30),
+        ("0.008333", 120),
+        ("0.00833333", 120),
+        ("0.04", 25),
+        ("0.1", 10),
+        ("0.016667", 60),
+        ("0.033367", 30000 / 1001),
+        ("3.3333333e-2", 30),
+        ("0.01234567", 1 / 0.01234567),
+    ],
+)
 @quiet
 def test_frame_times_rounded_in_print_mean_the_rate_they_stand_for(file, printed, fps):
     assert read_bvh(file(SMALL.replace("0.04", printed))).fps == pytest.approx(fps, rel=1e-6)

@@ -62,16 +62,17 @@ def ramp(fps, seconds, start, speed, column):
 def lively(fps=60, seconds=4.0):
     """A person who turns by 40 degrees, walks, nods and moves arms and fingers smoothly. -> angles, root"""
     t = np.arange(round(fps * seconds)) / fps
-    wave = lambda size, hertz, shift=0.0: size * np.sin(2 * np.pi * hertz * t + shift)  # noqa: E731
+    wave = lambda size, hertz, shift=0.0: size * np.sin(2 * np.pi * hertz * t + shift)
     zero = 0 * t
     angles = {
-        "Hips": np.stack([zero, 30 + 10 * t, zero], 1), "Spine2": np.stack([wave(5, 0.5), zero, wave(8, 0.4)], 1),
+        "Hips": np.stack([zero, 30 + 10 * t, zero], 1),
+        "Spine2": np.stack([wave(5, 0.5), zero, wave(8, 0.4)], 1),
         "Head": np.stack([zero, wave(25, 0.7), wave(15, 1.0)], 1),
         "LeftArm": np.stack([-60 + wave(20, 0.8), wave(30, 0.6), zero], 1),
         "RightArm": np.stack([65 + wave(15, 0.9), zero, wave(30, 0.7)], 1),
         "RightForeArm": np.stack([zero, 60 + wave(30, 1.1), zero], 1),
         "LeftHandIndex2": np.stack([-20 + wave(20, 1.0), zero, zero], 1),
-    }  # fmt: skip
+    }
     return angles, np.stack([10 * t, 90 + wave(2, 1.0), 20 * t], 1)
 
 
@@ -280,12 +281,17 @@ def test_a_zero_pose_that_does_not_stand_is_replaced_by_the_first_frame(take):
 @pytest.mark.parametrize(
     ("seconds", "sound", "options", "frames", "told"),
     [
-        (4.0, 4.0, {}, 60, None), (4.0, 3.0, {}, 45, "lasts 4.000 s"), (3.0, 4.0, {}, 45, "3.000 s"),
-        (4.0, 4.02, {}, 60, None), (4.0, 4.0, {"start": 1.0, "end": 2.5}, 22, None),
-        (4.0, 3.0, {"start": 1.0, "end": 2.5}, 22, None), (4.0, 4.0, {"fps": 25.0}, 100, None),
-        (4.0, 4.0, {"fps": 240.0}, 960, None), (4.0, 3.0, {"end": 4.0}, 45, "what both have is used"),
+        (4.0, 4.0, {}, 60, None),
+        (4.0, 3.0, {}, 45, "lasts 4.000 s"),
+        (3.0, 4.0, {}, 45, "3.000 s"),
+        (4.0, 4.02, {}, 60, None),
+        (4.0, 4.0, {"start": 1.0, "end": 2.5}, 22, None),
+        (4.0, 3.0, {"start": 1.0, "end": 2.5}, 22, None),
+        (4.0, 4.0, {"fps": 25.0}, 100, None),
+        (4.0, 4.0, {"fps": 240.0}, 960, None),
+        (4.0, 3.0, {"end": 4.0}, 45, "what both have is used"),
     ],
-)  # fmt: skip
+)
 def test_length_is_what_both_files_have(take, seconds, sound, options, frames, told):
     take.write(person(), seconds=seconds, sound=sound)
     with warnings.catch_warnings(record=True) as seen:
@@ -325,11 +331,14 @@ def test_where_a_clip_comes_from_is_kept(take, tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"start": 5.0}, "outside the recording"), ({"start": 1.0, "end": 9.0}, "outside the recording"),
-        ({"start": -1.0}, "0 <= start < end"), ({"start": 2.0, "end": 1.0}, "0 <= start < end"),
-        ({"start": 3.99}, "0 frames"), ({"words": "none.tsv"}, "none.tsv"),
+        ({"start": 5.0}, "outside the recording"),
+        ({"start": 1.0, "end": 9.0}, "outside the recording"),
+        ({"start": -1.0}, "0 <= start < end"),
+        ({"start": 2.0, "end": 1.0}, "0 <= start < end"),
+        ({"start": 3.99}, "0 frames"),
+        ({"words": "none.tsv"}, "none.tsv"),
     ],
-)  # fmt: skip
+)
 def test_takes_that_cannot_be_get_one_clear_line(take, options, message):
     take.write(person())
     with pytest.raises(CospeechError, match=message) as error:
@@ -345,7 +354,7 @@ def test_a_mapping_that_does_not_fit_names_what_is_missing(take):
 
 
 def test_swapped_sides_are_noticed(take):
-    swap = lambda n: n and n.replace("Left", "#").replace("Right", "Left").replace("#", "Right")  # noqa: E731
+    swap = lambda n: n and n.replace("Left", "#").replace("Right", "Left").replace("#", "Right")
     take.write([(swap(n), swap(p), o) for n, p, o in person()])
     with pytest.raises(CospeechError, match="left and right are swapped"):
         take.read()
@@ -354,14 +363,16 @@ def test_swapped_sides_are_noticed(take):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("joints: [1, 2]", "not a joint mapping"), ("joints: {pelvis: [", "not readable as YAML"),
-        ("joints: {pelvis: Hips}", "head_top, neck, right_shoulder"), ("unit: cm\njoints: {}", "unknown key 'unit'"),
+        ("joints: [1, 2]", "not a joint mapping"),
+        ("joints: {pelvis: [", "not readable as YAML"),
+        ("joints: {pelvis: Hips}", "head_top, neck, right_shoulder"),
+        ("unit: cm\njoints: {}", "unknown key 'unit'"),
         ("joints: {tail: Tail}", "'tail' is no joint of upper55"),
         ("joints: {pelvis: {A: 0.5, B: 0.6}}", "weights add up to 1.1"),
         ("joints: {pelvis: 3}", "expected a joint's name"),
         ("joints: {pelvis: {joint: A, offset: [1, 2]}}", r"offset: \[x, y, z\]"),
     ],
-)  # fmt: skip
+)
 def test_wrong_mapping_files_get_one_clear_line(tmp_path, text, message):
     (tmp_path / "own.yaml").write_text(text)
     with pytest.raises(CospeechError, match=message) as error:

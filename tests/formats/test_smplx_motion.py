@@ -46,17 +46,39 @@ def layouts():
     return {
         "AMASS": rate | {"poses": flat(up), "trans": np.zeros((FRAMES, 3)), "betas": np.zeros(16)},
         "AMASS, SMPL-H": old | {"poses": flat(smplh), "dmpls": np.zeros((FRAMES, 8)), "trans": np.zeros((FRAMES, 3))},
-        "AMASS, pieces": rate | {"root_orient": up[:, 0], "pose_body": flat(up[:, 1:22]), "pose_hand": flat(up[:, 25:]),
-                                 "pose_jaw": up[:, 22], "pose_eye": flat(up[:, 23:25])},
-        "BEAT2": rate | {"poses": flat(turns).astype(np.float32), "expressions": np.zeros((FRAMES, 100)),
-                         "betas": np.zeros(300), "model": np.array("smplx2020")},
-        "SHOW": rate | apart | {"global_orient": turns[:, :1], "body_pose": turns[:, 1:22], "jaw_pose": turns[:, 22],
-                                "leye_pose": turns[:, 23], "reye_pose": turns[:, 24]},
+        "AMASS, pieces": rate
+        | {
+            "root_orient": up[:, 0],
+            "pose_body": flat(up[:, 1:22]),
+            "pose_hand": flat(up[:, 25:]),
+            "pose_jaw": up[:, 22],
+            "pose_eye": flat(up[:, 23:25]),
+        },
+        "BEAT2": rate
+        | {
+            "poses": flat(turns).astype(np.float32),
+            "expressions": np.zeros((FRAMES, 100)),
+            "betas": np.zeros(300),
+            "model": np.array("smplx2020"),
+        },
+        "SHOW": rate
+        | apart
+        | {
+            "global_orient": turns[:, :1],
+            "body_pose": turns[:, 1:22],
+            "jaw_pose": turns[:, 22],
+            "leye_pose": turns[:, 23],
+            "reye_pose": turns[:, 24],
+        },
         "TalkSHOW": rate | apart | {"global_orient": turns[:, 0], "body_pose_axis": flat(turns[:, 1:22])},
-        "matrices": rate | {"global_orient": matrices(turns[:, :1]), "body_pose": matrices(turns[:, 1:22]),
-                            "right_hand_pose": matrices(turns[:, 40:])},
+        "matrices": rate
+        | {
+            "global_orient": matrices(turns[:, :1]),
+            "body_pose": matrices(turns[:, 1:22]),
+            "right_hand_pose": matrices(turns[:, 40:]),
+        },
         "length alone": {"poses": flat(turns), "mocap_time_length": np.array(3.0)},
-    }  # fmt: skip
+    }
 
 
 @pytest.fixture
@@ -131,8 +153,16 @@ def test_hands_of_pca_need_the_users_model(read, tmp_path):
     rest = np.array([smplx_table()["rest"][name] for name in list(smplx_table()["parents"])[:55]])
     model, rng = tmp_path / "SMPLX.npz", np.random.default_rng(0)
     basis, mean = rng.normal(size=(45, 45)), rng.normal(scale=0.1, size=45)
-    np.savez(model, J_regressor=np.eye(55), v_template=rest, shapedirs=np.zeros((55, 3, 400)),
-             hands_componentsl=basis, hands_componentsr=basis, hands_meanl=mean, hands_meanr=mean)  # fmt: skip
+    np.savez(
+        model,
+        J_regressor=np.eye(55),
+        v_template=rest,
+        shapedirs=np.zeros((55, 3, 400)),
+        hands_componentsl=basis,
+        hands_componentsr=basis,
+        hands_meanl=mean,
+        hands_meanr=mean,
+    )
     few = rng.normal(scale=0.1, size=(FRAMES, 12))
     arrays = layouts()["TalkSHOW"] | {"left_hand_pose": few}
     with pytest.raises(CospeechError, match=r"left_hand_pose has 12 numbers .* hands without their PCA.*body_model"):

@@ -31,8 +31,9 @@ def test_mean_pose_is_that_of_the_valid_training_frames_alone(folder, toy_clips)
     faces = np.concatenate([toy_clips[0].expression, toy_clips[1].expression[:100]])
     np.testing.assert_allclose(motion.expression[6], faces.mean(0), atol=1e-6)
     half = replace(toy_clips[0], valid=np.arange(256) < 64)
-    np.testing.assert_allclose(MeanPose([half]).generate(np.zeros((1, 28))).positions[0], half.positions[:64].mean(0),
-                               atol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(
+        MeanPose([half]).generate(np.zeros((1, 28))).positions[0], half.positions[:64].mean(0), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -41,8 +42,12 @@ def test_random_is_one_stretch_of_one_training_take(folder, toy_clips, seed):
     again = load("random", folder).generate(np.ones((90, 28), "f4"), seed=seed)
     np.testing.assert_array_equal(motion.positions, again.positions)  # the speech changes nothing
     shown = [toy_clips[0], toy_clips[1].section(0, 100)]
-    starts = [(i, s) for i, clip in enumerate(shown) for s in range(clip.frames - 89)
-              if np.array_equal(clip.positions[s : s + 90], motion.positions)]  # fmt: skip
+    starts = [
+        (i, s)
+        for i, clip in enumerate(shown)
+        for s in range(clip.frames - 89)
+        if np.array_equal(clip.positions[s : s + 90], motion.positions)
+    ]
     assert len(starts) == 1
     take, start = starts[0]
     np.testing.assert_array_equal(motion.expression, shown[take].expression[start : start + 90])

@@ -34,8 +34,10 @@ def test_log_determinant_is_that_of_a_numerical_jacobian():
     jacobian = torch.autograd.functional.jacobian(lambda y: flow(y, condition)[0][0].reshape(-1), x)
     assert torch.linalg.slogdet(jacobian.reshape(20, 20))[1].item() == pytest.approx(change.sum().item(), abs=1e-9)
     step = 1e-6
-    columns = [(flow(x + step * e, condition)[0] - flow(x - step * e, condition)[0]).reshape(-1) / (2 * step)
-               for e in torch.eye(20).double().reshape(20, 1, 5, 4)]  # fmt: skip
+    columns = [
+        (flow(x + step * e, condition)[0] - flow(x - step * e, condition)[0]).reshape(-1) / (2 * step)
+        for e in torch.eye(20).double().reshape(20, 1, 5, 4)
+    ]
     assert torch.linalg.slogdet(torch.stack(columns))[1].item() == pytest.approx(change.sum().item(), abs=1e-5)
 
 
@@ -91,8 +93,10 @@ def task():
 def test_sampling_undoes_the_whole_network(task):
     """Noise that a motion becomes under its speech and past is turned back into that motion, frame by frame."""
     network = task.generator.eval().ready()
-    real = {name: torch.from_numpy(array[None, :40].swapaxes(1, 2).copy())
-            for name, array in task.pairs.windows.arrays.items()}  # fmt: skip
+    real = {
+        name: torch.from_numpy(array[None, :40].swapaxes(1, 2).copy())
+        for name, array in task.pairs.windows.arrays.items()
+    }
     motion, context = network.motion(real), network.speech_context(real["features"])
     before = torch.zeros(1, SMALL.history, motion.shape[2]), torch.zeros(1, SMALL.history, context.shape[2])
     condition = network.condition(torch.cat([before[0], motion], 1), torch.cat([before[1], context], 1))
@@ -126,8 +130,9 @@ def test_learns_what_belongs_together(task):
     assert np.mean(curve[-10:]) < curve[0] - 0.3
     network = task.generator.eval()
     held_out = [task.pairs.__class__([make_clip(seed)], 64).windows for seed in (8, 9)]
-    real, other = ({name: torch.from_numpy(a[None].swapaxes(1, 2).copy()) for name, a in w.arrays.items()}
-                   for w in held_out)  # fmt: skip
+    real, other = (
+        {name: torch.from_numpy(a[None].swapaxes(1, 2).copy()) for name, a in w.arrays.items()} for w in held_out
+    )
     with torch.no_grad():
         true = network.log_likelihood(real).item()
         false = network.log_likelihood(real | {"features": other["features"]}).item()

@@ -117,8 +117,10 @@ def test_without_hands_the_bones_still_keep_their_lengths():
     wrists = UPPER55.joints("right_wrist", "left_wrist")
     np.testing.assert_allclose(motion.positions[:, wrists], clip.positions[:, wrists], atol=2e-4)
     np.testing.assert_allclose(bone_lengths(motion.positions), bone_lengths(clip.positions), atol=1e-4)
-    hands = [motion.positions[:, hand] - motion.positions[:, [wrist]] for hand, wrist in
-             zip((RIGHT_HAND, LEFT_HAND), wrists, strict=True)]  # fmt: skip
+    hands = [
+        motion.positions[:, hand] - motion.positions[:, [wrist]]
+        for hand, wrist in zip((RIGHT_HAND, LEFT_HAND), wrists, strict=True)
+    ]
     for hand in hands:
         assert np.ptp(np.linalg.norm(hand, axis=-1), axis=0).max() < 1e-4, "a hand is carried as it is"
 

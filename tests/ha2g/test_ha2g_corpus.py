@@ -92,7 +92,10 @@ def test_a_file_brings_everything_back(corpus, tmp_path):
     for key, array in corpus.windows([0, 3, 9]).items():
         np.testing.assert_array_equal(back.windows([0, 3, 9])[key], array)
     assert (back.speakers, back.counts, back.vocabulary.words) == (
-        corpus.speakers, corpus.counts, corpus.vocabulary.words)  # fmt: skip
+        corpus.speakers,
+        corpus.counts,
+        corpus.vocabulary.words,
+    )
     np.testing.assert_array_equal(back.figures["two"].rest, corpus.figures["two"].rest)
     assert back.digest() == corpus.digest()
 
@@ -100,9 +103,12 @@ def test_a_file_brings_everything_back(corpus, tmp_path):
 def test_angle_statistics_are_those_of_all_frames(takes, corpus):
     table = level_table("expressive43")
     angles = np.concatenate(
-        [included_angles(bone_vectors(t.clip.positions, t.clip.rotation, table), table)
-         for of_one in takes.values() for t in of_one]
-    )  # fmt: skip
+        [
+            included_angles(bone_vectors(t.clip.positions, t.clip.rotation, table), table)
+            for of_one in takes.values()
+            for t in of_one
+        ]
+    )
     mean, variance = corpus.angle_statistics()
     np.testing.assert_allclose(mean, angles.mean(axis=0), atol=1e-5)
     np.testing.assert_allclose(variance, angles.var(axis=0), atol=1e-6)

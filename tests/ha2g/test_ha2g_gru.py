@@ -17,8 +17,9 @@ from cospeech.learning.recurrence import tanh
 
 def of_torch(gru, x):
     """The sum of the directions that `torch.nn.GRU` makes with the same weights."""
-    plain = torch.nn.GRU(gru.input_size, gru.hidden_size, gru.num_layers, batch_first=True,
-                         bidirectional=gru.bidirectional)  # fmt: skip
+    plain = torch.nn.GRU(
+        gru.input_size, gru.hidden_size, gru.num_layers, batch_first=True, bidirectional=gru.bidirectional
+    )
     plain.load_state_dict(gru.state_dict())
     y = plain(x)[0]
     return plain, sum(y.split(gru.hidden_size, dim=2))
@@ -26,9 +27,14 @@ def of_torch(gru, x):
 
 @settings(max_examples=40, deadline=None)
 @given(
-    windows=st.integers(1, 14), frames=st.integers(1, 9), channels=st.integers(1, 20), hidden=st.integers(1, 150),
-    layers=st.integers(1, 3), both=st.booleans(), seed=st.integers(0, 1000),
-)  # fmt: skip
+    windows=st.integers(1, 14),
+    frames=st.integers(1, 9),
+    channels=st.integers(1, 20),
+    hidden=st.integers(1, 150),
+    layers=st.integers(1, 3),
+    both=st.booleans(),
+    seed=st.integers(0, 1000),
+)
 def test_states_and_gradients_are_those_of_torch(windows, frames, channels, hidden, layers, both, seed):
     torch.manual_seed(seed)
     gru, x = GRU(channels, hidden, layers, 0.0, both), 3 * torch.randn(windows, frames, channels)

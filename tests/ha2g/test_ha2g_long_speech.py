@@ -21,8 +21,15 @@ RATE = 16000
 FRAME = np.arange(34)
 TABLE = level_table("ted10")
 ARM = 5  # the vector that shows what the network heard: an angle about the forward axis
-SHAPES = {"mel": (128, 70), "wave": (36267,), "s2g_mel": (225, 64), "words": (34,), "seed": (4, 27), "speaker": (2,),
-          "style": (3,)}  # fmt: skip
+SHAPES = {
+    "mel": (128, 70),
+    "wave": (36267,),
+    "s2g_mel": (225, 64),
+    "words": (34,),
+    "seed": (4, 27),
+    "speaker": (2,),
+    "style": (3,),
+}
 
 
 class Known:
@@ -50,11 +57,15 @@ def generator(angle, *inputs):
     """A MultiSpeakerGenerator of a function of some inputs."""
     start = np.tile([0.0, 1.0, 0.0], (4, 9))
     about = {
-        "model": "known", "levels": "ted10", "inputs": {name: list(SHAPES[name]) for name in inputs},
-        "speakers": ["ann", "bob"], "vocabulary": Vocabulary.of(["tick", "tock", "tock"]).words, "mean": [0.0] * 27,
+        "model": "known",
+        "levels": "ted10",
+        "inputs": {name: list(SHAPES[name]) for name in inputs},
+        "speakers": ["ann", "bob"],
+        "vocabulary": Vocabulary.of(["tick", "tock", "tock"]).words,
+        "mean": [0.0] * 27,
         "starts": {"poses": [start.tolist()] * 2, "speaker": [0, 1]},
         "figures": {"ann": figure(0).lists(), "bob": figure(1).lists()},
-    }  # fmt: skip
+    }
     return MultiSpeakerGenerator(Known(angle, about), 1)
 
 
@@ -82,10 +93,10 @@ def test_clicks_of_a_minute_are_heard_when_they_click(kind):
         samples[begin : begin + length] = np.random.default_rng(0).normal(0, 0.1, length)
     column = np.rint(FRAME / 15 * RATE / (512 if kind == "mel" else 160)).astype(int)
     if kind == "mel":
-        listen = lambda mel, seed: (mel[:, :, column].mean(1) + 80) / 80  # noqa: E731
+        listen = lambda mel, seed: (mel[:, :, column].mean(1) + 80) / 80
     else:
         column = np.minimum(column, 224)
-        listen = lambda s2g_mel, seed: (s2g_mel[:, column].mean(2) + 14) / 14  # noqa: E731
+        listen = lambda s2g_mel, seed: (s2g_mel[:, column].mean(2) + 14) / 14
     found = arm_angles(generator(listen, kind, "seed").generate(Speech(samples, RATE)))
     heard = np.flatnonzero(found > 0.2)
     late = heard[:, None] / 15 - times[None]
@@ -104,7 +115,7 @@ def test_words_are_heard_at_their_frames():
 
 def test_units_begin_where_the_last_ones_end():
     """A network that turns on from the seed by 0.01 a frame turns evenly through all of 20 s."""
-    turn = lambda seed: np.arctan2(seed[:, :1, 3 * ARM + 1], seed[:, :1, 3 * ARM]) + 0.01 * FRAME  # noqa: E731
+    turn = lambda seed: np.arctan2(seed[:, :1, 3 * ARM + 1], seed[:, :1, 3 * ARM]) + 0.01 * FRAME
     found = arm_angles(generator(turn, "seed").generate(Speech(np.zeros(20 * RATE, np.float32), RATE)))
     np.testing.assert_allclose(np.diff(found), 0.01, atol=1e-3)
 
@@ -136,7 +147,7 @@ def test_every_frame_is_in_a_unit():
 def test_styles_are_mixed_by_name_and_weight():
     network = generator(lambda seed, speaker, style: speaker @ [[0.2], [1.0]], "seed", "speaker", "style")
     sound = np.zeros(RATE, np.float32)
-    said = lambda style: arm_angles(network.generate(Speech(sound, RATE), style=style)).mean()  # noqa: E731
+    said = lambda style: arm_angles(network.generate(Speech(sound, RATE), style=style)).mean()
     assert said("ann") == pytest.approx(0.2, abs=1e-5)
     assert said("ann=3,bob=1") == pytest.approx(0.4, abs=1e-5)
     assert said({"bob": 2.0}) == pytest.approx(1.0, abs=1e-5)
@@ -144,7 +155,7 @@ def test_styles_are_mixed_by_name_and_weight():
 
 
 def test_a_drawn_style_is_of_the_seed():
-    angle = lambda seed, speaker, style: 9 * speaker[:, :1] + 0.1 * style[:, :1]  # noqa: E731
+    angle = lambda seed, speaker, style: 9 * speaker[:, :1] + 0.1 * style[:, :1]
     network = generator(angle, "seed", "speaker", "style")
     sound = np.zeros(RATE, np.float32)
     drawn = [arm_angles(network.generate(Speech(sound, RATE), style="random", seed=seed)).mean() for seed in range(30)]
@@ -155,9 +166,15 @@ def test_a_drawn_style_is_of_the_seed():
 
 @pytest.mark.parametrize(
     ("style", "line"),
-    [("carl", "no speaker 'carl'; known: ann, bob, or random"), ("ann=much", "not understood"),
-     ("ann=-1", "not understood"), ("ann=0", "weighs nobody"), ("ann=nan", "not understood"), ("", "not understood")],
-)  # fmt: skip
+    [
+        ("carl", "no speaker 'carl'; known: ann, bob, or random"),
+        ("ann=much", "not understood"),
+        ("ann=-1", "not understood"),
+        ("ann=0", "weighs nobody"),
+        ("ann=nan", "not understood"),
+        ("", "not understood"),
+    ],
+)
 def test_wrong_styles_are_one_line(style, line):
     network = generator(lambda seed, speaker: seed[:, :1, 0] + speaker[:, :1], "seed", "speaker")
     with pytest.raises(CospeechError, match=line):
@@ -168,8 +185,9 @@ def test_wrong_styles_are_one_line(style, line):
 def test_the_result_is_a_clip_like_any_other(tmp_path):
     network = generator(lambda seed, speaker: seed[:, :1, 0] + speaker[:, :1], "seed", "speaker")
     samples = np.random.default_rng(0).normal(0, 0.1, 3 * RATE).astype(np.float32)
-    clip = synthesize(network, Speech(samples, RATE), subject="everyone", clip="talk", model="known_0",
-                      smoothing=0.0, style="ann")  # fmt: skip
+    clip = synthesize(
+        network, Speech(samples, RATE), subject="everyone", clip="talk", model="known_0", smoothing=0.0, style="ann"
+    )
     clip.write(tmp_path / "talk.h5")
     assert (clip.frames, clip.generator, clip.fps) == (45, "known_0", 15.0)
     np.testing.assert_array_equal(

@@ -50,8 +50,9 @@ def corpus_of(seeds, frames=300, levels="ted10", speakers=("one", "two")):
         warnings.simplefilter("ignore")
         return collect(
             {name: [spoken_take(seed + 100 * i, name, frames) for seed in seeds] for i, name in enumerate(speakers)},
-            levels, filters=ANYTHING,
-        )  # fmt: skip
+            levels,
+            filters=ANYTHING,
+        )
 
 
 @pytest.fixture(scope="module")
@@ -174,10 +175,18 @@ def test_exports_equal_torch(model, corpus, tmp_path):
 
 def test_every_ablation_trains(corpus):
     rows = [
-        {"audio_levels": ["low"]}, {"in_level_negatives": False}, {"cross_level_negatives": False}, {"text": False},
-        {"pose_hierarchy": "none"}, {"pose_hierarchy": "body"}, {"pose_hierarchy": "hands"}, {"same_audio": True},
-        {"weights": {"physical": 0.0}}, {"preset": "released"}, {"style_input": False, "contrast_frames": 20},
-    ]  # fmt: skip
+        {"audio_levels": ["low"]},
+        {"in_level_negatives": False},
+        {"cross_level_negatives": False},
+        {"text": False},
+        {"pose_hierarchy": "none"},
+        {"pose_hierarchy": "body"},
+        {"pose_hierarchy": "hands"},
+        {"same_audio": True},
+        {"weights": {"physical": 0.0}},
+        {"preset": "released"},
+        {"style_input": False, "contrast_frames": 20},
+    ]
     for row in rows:
         task = ha2g_task("ha2g", corpus, TINY | {"steps": 1, "width": 0.02, "layers": 1, "blocks": [1] * 4} | row, 0)
         losses = task.iterate(0, np.random.default_rng(0))
@@ -198,8 +207,11 @@ def test_presets_are_the_published_ones():
     for settings in (paper, released, ted):
         assert (settings.learning_rate, settings.betas, settings.discriminator_rate) == (5e-4, (0.5, 0.999), 0.2)
         assert {name: settings.weights[name] for name in ("adversarial", "divergence", "diverging", "physical")} == {
-            "adversarial": 5, "divergence": 0.1, "diverging": 0.05, "physical": 0.01,
-        }  # fmt: skip
+            "adversarial": 5,
+            "divergence": 0.1,
+            "diverging": 0.05,
+            "physical": 0.01,
+        }
 
 
 def test_epochs_become_steps(corpus):

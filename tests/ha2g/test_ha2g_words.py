@@ -98,9 +98,12 @@ def test_words_without_a_vector_start_at_random_and_are_counted():
 
 @pytest.mark.parametrize(
     ("start", "end", "line"),
-    [([0.1, 9.0], [0.2, 9.6], "end at 9.60 s but the sound at 5.00 s"), ([2.0, 1.0], [2.1, 1.1], "sort them"),
-     ([1.0, 2.0], [1.5, 1.9], "word 1 ends before it starts")],
-)  # fmt: skip
+    [
+        ([0.1, 9.0], [0.2, 9.6], "end at 9.60 s but the sound at 5.00 s"),
+        ([2.0, 1.0], [2.1, 1.1], "sort them"),
+        ([1.0, 2.0], [1.5, 1.9], "word 1 ends before it starts"),
+    ],
+)
 def test_wrong_times_are_one_line(start, end, line):
     with pytest.raises(CospeechError, match=f"calm/take01: .*{line}"):
         check_words(Words(np.array(start), np.array(end), ["a", "b"]), 5.0, "calm/take01")

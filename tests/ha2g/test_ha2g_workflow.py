@@ -87,8 +87,12 @@ def test_budget_sections_have_the_trainings_keys():
     from cospeech.gestures.ha2g.dataset.filters import Filters
 
     budget = read_yaml(SCHEMAS / "budget.schema.yaml")
-    sections = {"trimodal": trimodal, "seq2seq": seq2seq, "speech2gesture": speech2gesture,
-                "joint_embedding": joint_embedding}  # fmt: skip
+    sections = {
+        "trimodal": trimodal,
+        "seq2seq": seq2seq,
+        "speech2gesture": speech2gesture,
+        "joint_embedding": joint_embedding,
+    }
     sections |= {"ha2g": hierarchy}
     known = {name: budget["properties"][name]["properties"] for name in sections}
     for name, module in sections.items():
@@ -127,7 +131,7 @@ def test_reference_frames_are_of_training_takes_and_strangers_are_only_looked_at
     arguments = ("--configfile", str(own), "--dry-run", "--cores", "2", "--forceall", "--nolock")
     done = snakemake(ROOT, *arguments)
     assert done.returncode == 0, done.stdout
-    inputs = lambda rule: [  # noqa: E731
+    inputs = lambda rule: [
         set(line.split(", ")) for line in re.findall(rf"^rule {rule}:\n    input: (.*)$", done.stdout, re.MULTILINE)
     ]
     subjects, _ = read_configuration(merged(), "x", ROOT)

@@ -34,7 +34,7 @@ def algorithm1(pose, audio, eligible, queries, initial, k=1, mask=None, variant=
     no candidate it is dropped for that window. Returns [(clip, frame, pose rank, audio rank)] of length W.
     """
     clips, frames = eligible.shape
-    row = lambda array, m, s: array[m + s // frames, s % frames]  # noqa: E731
+    row = lambda array, m, s: array[m + s // frames, s % frames]
     p, steps = np.asarray(initial, np.float64), []
     for w, f in enumerate(np.asarray(queries, np.float64)):
         pose_distance, audio_distance = np.roll(euclidean(pose, p), offset, axis=1), cosine(audio, f)

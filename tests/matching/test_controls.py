@@ -162,15 +162,26 @@ TERMS = ["left_wrist_height=high", "symmetry=<0.3", "left_wrist_speed= slow", "r
 
 
 @settings(max_examples=150, deadline=None)
-@given(expression=st.recursive(st.sampled_from(range(4)), lambda inner: st.one_of(
-    st.tuples(st.just("not"), inner), st.tuples(inner, st.sampled_from(["and", "or"]), inner),
-    st.tuples(st.just("("), inner, st.just(")")),
-), max_leaves=6))  # fmt: skip
+@given(
+    expression=st.recursive(
+        st.sampled_from(range(4)),
+        lambda inner: st.one_of(
+            st.tuples(st.just("not"), inner),
+            st.tuples(inner, st.sampled_from(["and", "or"]), inner),
+            st.tuples(st.just("("), inner, st.just(")")),
+        ),
+        max_leaves=6,
+    )
+)
 def test_and_or_not_and_parentheses_mean_what_they_mean_in_python(database, expression):
     def text(part, names):
-        return names[part] if isinstance(part, int) else part if isinstance(part, str) else " ".join(
-            text(p, names) for p in part
-        )  # fmt: skip
+        return (
+            names[part]
+            if isinstance(part, int)
+            else part
+            if isinstance(part, str)
+            else " ".join(text(p, names) for p in part)
+        )
 
     signals = ControlSignals(database)
     frames = Control.parse(text(expression, TERMS)).wanted.frames(signals)
@@ -340,8 +351,16 @@ def speaker(request, tmp_path_factory):
     return KNN(Database.from_clips(clips[:3])), clips[3].features
 
 
-@pytest.mark.parametrize("control", ["left_wrist_height=high", "left_wrist_speed=fast", "symmetry=asymmetric",
-                                     "strict left_wrist_height=low", "strict symmetry=symmetric"])  # fmt: skip
+@pytest.mark.parametrize(
+    "control",
+    [
+        "left_wrist_height=high",
+        "left_wrist_speed=fast",
+        "symmetry=asymmetric",
+        "strict left_wrist_height=low",
+        "strict symmetry=symmetric",
+    ],
+)
 def test_a_controlled_demo_speaker_reaches_the_threshold_and_keeps_moving(speaker, control):
     """The project's figures: mean at or beyond the percentile, deviation at least 40 % of the unconstrained one.
 
@@ -379,10 +398,22 @@ PUBLISHED = ["--placement", "published", "--seams", "off", "--audio-rank", "plai
 
 def generate(project, *more, model="knn"):
     more = [*more, *(PUBLISHED if model == "knn" else [])]
-    return main([
-        "generate", "--subject", "toy", "--model", model, "--audio", str(project / "talk.wav"),
-        "--out", str(project / "o.h5"), "--config", str(project / "config.yaml"), *more,
-    ])  # fmt: skip
+    return main(
+        [
+            "generate",
+            "--subject",
+            "toy",
+            "--model",
+            model,
+            "--audio",
+            str(project / "talk.wav"),
+            "--out",
+            str(project / "o.h5"),
+            "--config",
+            str(project / "config.yaml"),
+            *more,
+        ]
+    )
 
 
 def test_command_line_controls_and_explains(project, database, capsys):

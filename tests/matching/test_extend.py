@@ -126,7 +126,7 @@ def test_a_signal_of_a_database_needs_no_function(clips, signals, tmp_path):
     with pytest.warns(CospeechNotice, match="signal head_height is left out"):
         assert "head_height" not in Database.load(tmp_path / "d.h5").extend([_renamed(clips[3])]).signals
     with pytest.raises(CospeechError, match="head_height: its function must give one finite number per frame"):
-        head_height = lambda positions, fps: positions[:3, 0, 0]  # noqa: E731
+        head_height = lambda positions, fps: positions[:3, 0, 0]
         head_height.__name__ = "head_height"
         database.add_signal(head_height, "m")
 

@@ -22,9 +22,11 @@ SMALL = {"steps": 60, "batch": 8, "width": 0.06, "stride": 20, "learning_rate": 
 @pytest.fixture(scope="module")
 def database(toy_clips):
     return Database.from_arrays(
-        [c.positions for c in toy_clips], [c.features for c in toy_clips], [c.clip for c in toy_clips],
+        [c.positions for c in toy_clips],
+        [c.features for c in toy_clips],
+        [c.clip for c in toy_clips],
         rotations=[c.rotation for c in toy_clips],
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +96,7 @@ def test_critic_learns_to_prefer_real_motion_and_the_generator_to_please_it(toy_
     unseen = task.windows.take(slice(0, 30))
     x = {name: torch.from_numpy(array).transpose(1, 2) for name, array in unseen.items()}
     matched, real = (task.generator.joined(x["features"], x[name]) for name in ("matched", "motion"))
-    score = lambda pairs: task.critic(pairs).mean().item()  # noqa: E731
+    score = lambda pairs: task.critic(pairs).mean().item()
     assert score(real) > score(matched) + 0.5
     before = score(task._fake(matched)[1])
     for _ in range(20):
@@ -123,7 +125,7 @@ def test_penalty_at_generated_pairs_is_of_the_motion_alone():
     fake[0, 2, 0], fake[0, 166, 3] = 1.0, -2.0  # motion: c x = (3, -4) for c = 3 and 2, a gradient of norm 5
     scale = torch.ones(1, 167, 4) * 2
     scale[0, 2] = 3.0
-    critic = lambda x: (scale * x**2).sum((1, 2)) / 2  # noqa: E731
+    critic = lambda x: (scale * x**2).sum((1, 2)) / 2
     for real in (torch.zeros_like(fake), torch.ones_like(fake)):
         assert gradient_penalty(critic, real, fake, "generated").item() == pytest.approx((5 - 1) ** 2)
 
@@ -143,7 +145,7 @@ def test_both_recipes_are_the_publications():
 def test_layers_of_both_recipes():
     statistics = {name: (np.zeros(n, "f4"), np.ones(n, "f4")) for name, n in (("features", 28), ("motion", 165))}
     networks = {name: ResyncNetwork(28, settings_from({"preset": name}), statistics) for name in PRESETS}
-    count = lambda part, kind: sum(isinstance(m, kind) for m in part.modules())  # noqa: E731
+    count = lambda part, kind: sum(isinstance(m, kind) for m in part.modules())
     for name, convolutions, activation, pool in (
         ("published", 8, torch.nn.ReLU, torch.nn.MaxPool1d),
         ("released", 7, torch.nn.LeakyReLU, torch.nn.AvgPool1d),

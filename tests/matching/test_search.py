@@ -17,9 +17,11 @@ from cospeech.matching import Database, Matcher
 VARIANTS = ["pose", "audio", "pose_only"]
 # Placement: (frames of a clip at which a window may start, how many frames before it the compared pose lies)
 PLACEMENTS = {
-    "published": (range(57), 0), "continued": (range(1, 57), 1), "any_frame": (range(64), 0),
+    "published": (range(57), 0),
+    "continued": (range(1, 57), 1),
+    "any_frame": (range(64), 0),
     "any_frame_continued": (range(1, 64), 1),
-}  # fmt: skip
+}
 
 
 def steps(match):
@@ -173,9 +175,11 @@ def test_masks_in_time_lengths_and_streams(database, tied, data):
     frames = data.draw(st.integers(1, 60))
     mask = rng.random((-(-frames // 8), *database.eligible.shape)) < data.draw(st.sampled_from([0, 0.02, 0.1, 0.6, 1]))
     options = {
-        "k": data.draw(st.integers(1, 15)), "variant": data.draw(st.sampled_from(VARIANTS)),
-        "mask": data.draw(st.sampled_from([mask, None])), "placement": data.draw(st.sampled_from(list(PLACEMENTS))),
-    }  # fmt: skip
+        "k": data.draw(st.integers(1, 15)),
+        "variant": data.draw(st.sampled_from(VARIANTS)),
+        "mask": data.draw(st.sampled_from([mask, None])),
+        "placement": data.draw(st.sampled_from(list(PLACEMENTS))),
+    }
     features = rng.normal(size=(frames, 28)).astype(np.float32)
     matcher = Matcher(database, compiled=data.draw(st.booleans()))
     cuts = sorted(data.draw(st.lists(st.integers(0, frames), max_size=6)))

@@ -32,7 +32,7 @@ def similarity(database):
 def test_unheard_speech_is_nearer_to_its_own_motion_than_to_other(database, similarity):
     """The toy speaker's bones turn with the speech, so the right motion can be told for speech of other takes."""
     other = built([20, 21])
-    raw = lambda normal, rows: normal.mean + rows * normal.std  # noqa: E731
+    raw = lambda normal, rows: normal.mean + rows * normal.std
     other.audio = database.audio_normalization(raw(other.audio_normalization, other.audio))
     other.pose = database.pose_normalization(raw(other.pose_normalization, other.pose))
     clip, frame = (index[::9] for index in usable(other))

@@ -75,8 +75,11 @@ def disc_error(image, points, chosen):
 
 def write_image(path, image):
     path.parent.mkdir(parents=True, exist_ok=True)
-    assert cv2.imwrite(str(path), image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 98, cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
-                                                    cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444])  # fmt: skip
+    assert cv2.imwrite(
+        str(path),
+        image[..., ::-1],
+        [cv2.IMWRITE_JPEG_QUALITY, 98, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444],
+    )
 
 
 def write_film(path, images, codec="mjpeg"):
@@ -108,13 +111,15 @@ def write_3dhp_train(folder, who, subject=1, sequence=1, cameras=(0,), rows=None
     place.mkdir(parents=True)
     count = len(who.images)
     extra = (rows or count) - count
-    pad = lambda a: np.concatenate([a.reshape(count, -1), np.repeat(a[-1:].reshape(1, -1), extra, axis=0)])  # noqa: E731
+    pad = lambda a: np.concatenate([a.reshape(count, -1), np.repeat(a[-1:].reshape(1, -1), extra, axis=0)])
     shrunk = who.relative * shrink + (who.poses - who.relative)
     table = {
-        "annot2": cells([pad(who.points)] * 14), "annot3": cells([pad(who.poses)] * 14),
-        "univ_annot3": cells([pad(shrunk)] * 14), "cameras": np.arange(14, dtype=np.uint8)[:, None],
+        "annot2": cells([pad(who.points)] * 14),
+        "annot3": cells([pad(who.poses)] * 14),
+        "univ_annot3": cells([pad(shrunk)] * 14),
+        "cameras": np.arange(14, dtype=np.uint8)[:, None],
         "frames": np.arange(count + extra, dtype=np.int32)[:, None],
-    }  # fmt: skip
+    }
     savemat(place / "annot.mat", table)
     (place / "camera.calibration").write_text(calibration(who.camera, range(14)))
     for camera in cameras if film else ():
@@ -176,8 +181,10 @@ def write_h36m(folder, who, subject=1, action="Directions 1", camera="54138969",
 
 def write_h36m_npz(folder, who, subject=1, subset="train", first=1):
     """mmpose's: metres, names that count from 1, and a fourth column of confidences."""
-    names = [f"S{subject}/S{subject}_Directions_1.54138969/S{subject}_Directions_1.54138969_{i + first:06d}.jpg"
-             for i in range(len(who.images))]  # fmt: skip
+    names = [
+        f"S{subject}/S{subject}_Directions_1.54138969/S{subject}_Directions_1.54138969_{i + first:06d}.jpg"
+        for i in range(len(who.images))
+    ]
     for name, image in zip(names, who.images, strict=True):
         write_image(folder / "images" / name, image)
     ones = np.ones((*who.points.shape[:2], 1))
@@ -202,8 +209,11 @@ def write_mpii(folder, who, labelled=None, visible=None, train=None, nobody=()):
     visible = np.ones((count, 16), int) if visible is None else visible
     annolist = np.empty((1, count), object)
     for i in range(count):
-        point = [{"x": x + 1, "y": y + 1, "id": k, "is_visible": visible[i][k]}
-                 for k, (x, y) in enumerate(who.points[i]) if labelled[i][k]]  # fmt: skip
+        point = [
+            {"x": x + 1, "y": y + 1, "id": k, "is_visible": visible[i][k]}
+            for k, (x, y) in enumerate(who.points[i])
+            if labelled[i][k]
+        ]
         rect = {"scale": 1.0, "objpos": {"x": 80.0, "y": 80.0}}
         rect |= {"annopoints": {"point": struct(point)}} if i not in nobody else {"annopoints": np.zeros((0, 0))}
         annolist[0, i] = {"image": {"name": f"{i:09d}.jpg"}, "annorect": struct([rect])}
@@ -227,10 +237,15 @@ def struct(rows):
 
 def write_mpii_json(folder, who, visible, name="train.json"):
     people = [
-        {"image": f"{i:09d}.jpg", "center": [80, 80], "scale": 1.0, "joints_vis": v.astype(int).tolist(),
-         "joints": np.where(v[:, None], p + 1, -1).tolist()}
+        {
+            "image": f"{i:09d}.jpg",
+            "center": [80, 80],
+            "scale": 1.0,
+            "joints_vis": v.astype(int).tolist(),
+            "joints": np.where(v[:, None], p + 1, -1).tolist(),
+        }
         for i, (p, v) in enumerate(zip(who.points, visible, strict=True))
-    ]  # fmt: skip
+    ]
     for i, image in enumerate(who.images):
         write_image(folder / "images" / f"{i:09d}.jpg", image)
     (folder / "annot").mkdir(parents=True)

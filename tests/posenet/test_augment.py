@@ -137,9 +137,12 @@ def test_hands_are_never_mirrored_and_faces_are():
         joints = len(PARTS[part].skeleton)
         points = rng.uniform(10, 80, (6, joints, 2)).astype(np.float32)
         empty = Batch(
-            np.zeros((6, 96, 96, 3), np.uint8), points, np.ones((6, joints), bool),
-            np.zeros((6, joints, 3), np.float32), np.zeros(6, bool),
-        )  # fmt: skip
+            np.zeros((6, 96, 96, 3), np.uint8),
+            points,
+            np.ones((6, joints), bool),
+            np.zeros((6, joints, 3), np.float32),
+            np.zeros(6, bool),
+        )
         new = augment(empty, rng, 96, part=part, **(OFF | {"flip": 1.0}))
         order = PARTS[part].skeleton.mirror if mirrored else np.arange(joints)
         x = points[:, order, 0]

@@ -257,7 +257,7 @@ def test_h36m_can_be_of_universal_size(tmp_path):
     who = owners.people(4, H36M32)
     owners.write_h36m(tmp_path, who)
     poses = np.array([s.joints3d for s in open_dataset("h36m", tmp_path, scale="universal")])
-    bone = lambda a, b: np.linalg.norm(poses[:, JOINTS21.index[a]] - poses[:, JOINTS21.index[b]], axis=1)  # noqa: E731
+    bone = lambda a, b: np.linalg.norm(poses[:, JOINTS21.index[a]] - poses[:, JOINTS21.index[b]], axis=1)
     height = bone("left_knee", "left_hip") + bone("pelvis", "spine") + bone("spine", "neck")
     assert np.median(height) == pytest.approx(920, abs=0.1)
 
@@ -374,9 +374,15 @@ def test_coco_left_hands_become_right_ones(tmp_path):
     left[4, 2] = 0  # its thumb's tip is not labelled
     image = rng.integers(0, 255, (150, 200, 3), np.uint8)
     annotation = {
-        "id": 1, "image_id": 7, "righthand_valid": True, "righthand_kpts": right.ravel().tolist(),
-        "lefthand_valid": True, "lefthand_kpts": left.ravel().tolist(), "face_valid": False, "face_kpts": [0] * 204,
-    }  # fmt: skip
+        "id": 1,
+        "image_id": 7,
+        "righthand_valid": True,
+        "righthand_kpts": right.ravel().tolist(),
+        "lefthand_valid": True,
+        "lefthand_kpts": left.ravel().tolist(),
+        "face_valid": False,
+        "face_kpts": [0] * 204,
+    }
     owners.write_coco(tmp_path, [annotation], {7: image})
     one, two = open_dataset("coco_wholebody", tmp_path)
     assert (one.tags["side"], two.tags["side"]) == ("right", "left")

@@ -89,11 +89,17 @@ def test_too_few_joints_are_counted_and_told_by_the_command(tmp_path, capsys):
 
 def test_hands_and_faces_are_prepared_from_coco(tmp_path):
     rng = np.random.default_rng(0)
-    keypoints = lambda n: np.column_stack([rng.uniform(20, 100, (n, 2)), np.full(n, 2)]).ravel().tolist()  # noqa: E731
+    keypoints = lambda n: np.column_stack([rng.uniform(20, 100, (n, 2)), np.full(n, 2)]).ravel().tolist()
     annotation = {
-        "id": 1, "image_id": 7, "righthand_valid": True, "righthand_kpts": keypoints(21), "lefthand_valid": True,
-        "lefthand_kpts": keypoints(21), "face_valid": True, "face_kpts": keypoints(68),
-    }  # fmt: skip
+        "id": 1,
+        "image_id": 7,
+        "righthand_valid": True,
+        "righthand_kpts": keypoints(21),
+        "lefthand_valid": True,
+        "lefthand_kpts": keypoints(21),
+        "face_valid": True,
+        "face_kpts": keypoints(68),
+    }
     owners.write_coco(tmp_path / "data", [annotation], {7: rng.integers(0, 255, (150, 200, 3), np.uint8)})
     for part, count, joints in (("hand", 2, 21), ("face", 1, 68)):
         quiet("coco_wholebody", tmp_path / "data", tmp_path / f"{part}.h5", part=part, size=64)

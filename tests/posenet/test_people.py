@@ -57,9 +57,11 @@ def test_joints_lie_inside_the_limb_that_is_drawn_there(crowd):
     """At the pixel of a joint the picture shows the person, no deeper than the joint; if close to it, its own limb."""
     people, batch = crowd["studio", "body"]
     own = {
-        "elbow": ("upper_arm", "forearm"), "wrist": ("forearm", "hand"), "knee": ("thigh", "shank"),
+        "elbow": ("upper_arm", "forearm"),
+        "wrist": ("forearm", "hand"),
+        "knee": ("thigh", "shank"),
         "ankle": ("shank", "foot"),
-    }  # fmt: skip
+    }
     labelled, checked, right = JOINTS21.joints(*PARTS["body"].heatmaps), 0, 0
     for i in range(24):
         _, depth, parts = _photograph(people, i, "studio", SIZE)

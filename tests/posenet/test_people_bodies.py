@@ -88,8 +88,9 @@ def test_elbows_and_knees_bend_as_far_as_they_can_and_the_right_way(crowd):
 def test_fingers_bend_within_their_limits_towards_the_palm(crowd, finger):
     _, joints = crowd
     for side, sign in (("left", 1), ("right", -1)):
-        palm = sign * np.cross(bone(joints, f"{side}_hand_root", f"{side}_middle_0"),
-                               bone(joints, f"{side}_little_0", f"{side}_index_0"))  # fmt: skip
+        palm = sign * np.cross(
+            bone(joints, f"{side}_hand_root", f"{side}_middle_0"), bone(joints, f"{side}_little_0", f"{side}_index_0")
+        )
         bones = [bone(joints, f"{side}_{finger}_{i}", f"{side}_{finger}_{i + 1}") for i in range(3)]
         for near, far, limit in ((bones[0], bones[1], 100), (bones[1], bones[2], 90)):
             assert angle(near, far).max() <= limit + 0.5

@@ -134,11 +134,7 @@ def test_velocity_error_sees_jitter_and_not_offset():
 
 @pytest.mark.parametrize(
     ("pred", "words"),
-    [
-        (np.zeros((2, 16, 3)), "two equal"),
-        (np.zeros((2, 17, 2)), "two equal"),
-        (np.full((2, 17, 3), np.nan), "NaN"),
-    ],
+    [(np.zeros((2, 16, 3)), "two equal"), (np.zeros((2, 17, 2)), "two equal"), (np.full((2, 17, 3), np.nan), "NaN")],
 )
 def test_unusable_poses_are_refused_in_one_line(pred, words):
     with pytest.raises(CospeechError, match=words):

@@ -16,9 +16,21 @@ from cospeech.posenet.training.stages import LIFTED, PoseTask, Settings, train_p
 from tests.posenet.stick_people import stick_people, write_stick_people
 
 TINY = Settings(
-    pretraining=4, pretraining_batch=8, lifting=5, steps=11, batch=8, optimizer="adam", schedule="cosine",
-    learning_rate=2e-3, input=32, blocks=(1, 1, 1), width=8, free=10, latent=32, camera=8,
-)  # fmt: skip
+    pretraining=4,
+    pretraining_batch=8,
+    lifting=5,
+    steps=11,
+    batch=8,
+    optimizer="adam",
+    schedule="cosine",
+    learning_rate=2e-3,
+    input=32,
+    blocks=(1, 1, 1),
+    width=8,
+    free=10,
+    latent=32,
+    camera=8,
+)
 
 pytestmark = pytest.mark.filterwarnings("ignore:pose network. no ImageNet")
 
@@ -44,8 +56,10 @@ def test_labels_move_as_those_of_images_do():
 def test_lifting_trains_what_follows_f3d_and_nothing_else(people):
     task = task_of(people)
     assert [task.stage(step)[0] for step in (0, 3, 4, 8, 9, 19)] == [
-        *["pretraining"] * 2, *["lifting"] * 2, *["training"] * 2,
-    ]  # fmt: skip
+        *["pretraining"] * 2,
+        *["lifting"] * 2,
+        *["training"] * 2,
+    ]
     before = {name: tensor.clone() for name, tensor in task.network.state_dict().items()}
     terms = task.iterate(TINY.pretraining, None)
     assert set(terms) == {"pose", "bone_vector", "projection"}

@@ -106,7 +106,7 @@ def test_box_of_joints_is_the_next_box(known):
 def test_joints_without_a_heatmap_take_the_score_of_their_neighbours(known):
     spread = known._spread
     names, maps = JOINTS21.names, list(DESIGNS["body"].heatmaps)
-    share = lambda joint: {maps[k] for k in np.flatnonzero(spread[names.index(joint)])}  # noqa: E731
+    share = lambda joint: {maps[k] for k in np.flatnonzero(spread[names.index(joint)])}
     assert share("right_wrist") == {"right_wrist"} == share("right_hand")
     assert share("pelvis") == {"right_hip", "left_hip"} and share("left_toe") == {"left_ankle"}
     np.testing.assert_allclose(spread.sum(axis=1), 1)

@@ -17,9 +17,20 @@ from cospeech.posenet.training.stages import ROWS, PoseTask, Settings, train_pos
 from tests.posenet.stick_people import BACKGROUND, stick_people, write_stick_people
 
 TINY = Settings(
-    pretraining=6, pretraining_batch=8, steps=14, batch=8, optimizer="adam", schedule="cosine", learning_rate=2e-3,
-    input=32, blocks=(1, 1, 1), width=8, free=10, latent=32, camera=8,
-)  # fmt: skip
+    pretraining=6,
+    pretraining_batch=8,
+    steps=14,
+    batch=8,
+    optimizer="adam",
+    schedule="cosine",
+    learning_rate=2e-3,
+    input=32,
+    blocks=(1, 1, 1),
+    width=8,
+    free=10,
+    latent=32,
+    camera=8,
+)
 
 pytestmark = pytest.mark.filterwarnings("ignore:pose network. no ImageNet")
 

@@ -18,11 +18,14 @@ def batch(count, seed=0, side=48, mask=False, **tags):
     images = (127 + 100 * np.sin(waves)).transpose(0, 2, 3, 1).astype(np.uint8)
     labelled = rng.random(count) < 0.7
     return Batch(
-        images, rng.uniform(0, side, (count, 14, 2)).astype(np.float32), rng.random((count, 14)) < 0.8,
-        np.where(labelled[:, None, None], rng.normal(0, 300, (count, 21, 3)), 0).astype(np.float32), labelled,
+        images,
+        rng.uniform(0, side, (count, 14, 2)).astype(np.float32),
+        rng.random((count, 14)) < 0.8,
+        np.where(labelled[:, None, None], rng.normal(0, 300, (count, 21, 3)), 0).astype(np.float32),
+        labelled,
         np.where(images[..., 0] > 128, 255, 0).astype(np.uint8) if mask else None,
         {name: np.array([f"{value}{i % 2}" for i in range(count)]) for name, value in tags.items()},
-    )  # fmt: skip
+    )
 
 
 def test_any_selection_comes_back_in_its_order(tmp_path):

@@ -38,12 +38,27 @@ class Browser:
             os.dup2(ends[0], 3)
             os.dup2(ends[1], 4)
 
-        options = ["--headless=new", "--remote-debugging-pipe", "--no-sandbox", "--disable-gpu", "--mute-audio",
-                   "--disable-dev-shm-usage", "--no-first-run", "--disable-background-networking",
-                   f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}", "--force-device-scale-factor=1",
-                   "about:blank"]  # fmt: skip
-        self.process = subprocess.Popen([chromium(), *options], preexec_fn=wire, close_fds=False,
-                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+        options = [
+            "--headless=new",
+            "--remote-debugging-pipe",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--mute-audio",
+            "--disable-dev-shm-usage",
+            "--no-first-run",
+            "--disable-background-networking",
+            f"--user-data-dir={profile}",
+            f"--window-size={size[0]},{size[1]}",
+            "--force-device-scale-factor=1",
+            "about:blank",
+        ]
+        self.process = subprocess.Popen(
+            [chromium(), *options],
+            preexec_fn=wire,
+            close_fds=False,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         os.close(commands)
         os.close(answers)
         targets = self.send("Target.getTargets")["targetInfos"]
@@ -119,8 +134,10 @@ class Browser:
 
     def click(self, selector):
         """Press the left button in the middle of an element, as a user's hand would."""
-        x, y = self.run(f"(({{left, top, width, height}}) => [left + width / 2, top + height / 2])"
-                        f"(document.querySelector({json.dumps(selector)}).getBoundingClientRect())")  # fmt: skip
+        x, y = self.run(
+            f"(({{left, top, width, height}}) => [left + width / 2, top + height / 2])"
+            f"(document.querySelector({json.dumps(selector)}).getBoundingClientRect())"
+        )
         for kind in ("mousePressed", "mouseReleased"):
             self.mouse(kind, x, y)
 

@@ -61,9 +61,15 @@ def make_clip():
         expression[:, COSPEECH64.index("jaw_open")] = 0.5 - 0.5 * np.cos(9 * time)
         spoken = Words(np.array([0.2]), np.array([0.6]), ["hello"]) if words else Words.none()
         return Clip(
-            "anna", "take", fps, positions, np.zeros((frames, 28), np.float32), words=spoken,
-            expression=expression if face else None, face_model="cospeech64" if face else "",
+            "anna",
+            "take",
+            fps,
+            positions,
+            np.zeros((frames, 28), np.float32),
+            words=spoken,
+            expression=expression if face else None,
+            face_model="cospeech64" if face else "",
             rotation=np.zeros((frames, 3), np.float32) if face else None,
-        )  # fmt: skip
+        )
 
     return make

@@ -153,8 +153,16 @@ def test_jaw_opens_the_mouth_and_blinking_closes_the_eyes(make_clip):
     assert count(rest[:150], *IRIS) > 40 and count(shut[:150], *IRIS) < 0.1 * count(rest[:150], *IRIS)
 
 
-SEEN = ("mouth_pucker", "mouth_stretch_left", "mouth_smile_left", "mouth_frown_left", "brow_inner_up",
-        "brow_down_right", "eye_wide_left", "eye_look_up_left")  # fmt: skip
+SEEN = (
+    "mouth_pucker",
+    "mouth_stretch_left",
+    "mouth_smile_left",
+    "mouth_frown_left",
+    "brow_inner_up",
+    "brow_down_right",
+    "eye_wide_left",
+    "eye_look_up_left",
+)
 
 
 @pytest.mark.parametrize("name", SEEN)

@@ -37,8 +37,10 @@ def show(browser, tmp_path):
 
 def settled(browser, script=""):
     """The page after a script and after it has been drawn."""
-    browser.run(f"(async () => {{ {script}; player.density = 1; player._slow = 0; player.redraw();"
-                " for (let i = 0; i < 4; i++) await new Promise(requestAnimationFrame); })()")  # fmt: skip
+    browser.run(
+        f"(async () => {{ {script}; player.density = 1; player._slow = 0; player.redraw();"
+        " for (let i = 0; i < 4; i++) await new Promise(requestAnimationFrame); })()"
+    )
     return browser.screenshot()
 
 
@@ -81,8 +83,9 @@ def test_any_moment_can_be_reached_and_looks_the_same_each_time(show, make_clip)
     page.wait("Math.abs(player.time - 1.2) < 0.01")
     page.key("Home", "Home", 36)
     page.wait("player.time === 0")
-    x, y, width = page.run("(({left, top, width, height}) => [left, top + height / 2, width])"
-                           "(player.slider.getBoundingClientRect())")  # fmt: skip
+    x, y, width = page.run(
+        "(({left, top, width, height}) => [left, top + height / 2, width])(player.slider.getBoundingClientRect())"
+    )
     page.mouse("mousePressed", x + 0.75 * width, y), page.mouse("mouseReleased", x + 0.75 * width, y)
     page.wait("Math.abs(player.time - 3) < 0.1")
     assert not page.log
@@ -172,7 +175,7 @@ def test_two_players_on_one_page_and_one_of_them_plays_once(browser, make_clip, 
         const once = new CospeechPlayer(place("a"), data, {{ once: true }});
         const other = new CospeechPlayer(place("b"), data);
         for (const name of ["ready", "play", "ended"]) once.addEventListener(name, () => heard.push(name));
-        </script>""")  # fmt: skip
+        </script>""")
     browser.log.clear()
     browser.open(tmp_path / "two.html")
     browser.wait("once.painter && other.painter")
@@ -282,9 +285,11 @@ def test_mistakes_get_one_line(make_clip, tmp_path):
     broken = make_clip()
     broken.positions[7, 3, 1] = np.nan
     for panels, options, line in (
-        ([("a", broken)], {}, "positions holds NaN"), ([], {}, "no clip"), ([("a", make_clip(0))], {}, "0 frames"),
+        ([("a", broken)], {}, "positions holds NaN"),
+        ([], {}, "no clip"),
+        ([("a", make_clip(0))], {}, "0 frames"),
         ([("a", make_clip())], {"posture": "kneeling"}, "standing, sitting or none"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(CospeechError, match=line) as error:
             write_player(tmp_path / "a.html", panels, **options)
         assert "\n" not in str(error.value)

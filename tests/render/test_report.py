@@ -88,8 +88,16 @@ def material(tmp_path):
 def test_shows_everything_it_was_given(tmp_path, material):
     write_report(tmp_path / "report.html", **material)
     page = Page(tmp_path / "report.html")
-    for text in ("A <b>bold</b> study", "calm <&> lively", "# <none>", "torch", "2.13.0", "guessed <y>", "film <1>",
-                 "calm/resync: 30 iterations"):  # fmt: skip
+    for text in (
+        "A <b>bold</b> study",
+        "calm <&> lively",
+        "# <none>",
+        "torch",
+        "2.13.0",
+        "guessed <y>",
+        "film <1>",
+        "calm/resync: 30 iterations",
+    ):
         assert text in page.text
     head, truth, model = page.rows[:3]
     assert head[0] == "row" and any(METRICS["fgd"].label in cell for cell in head)
@@ -168,8 +176,12 @@ def write_table(path, *lines):
 
 def test_any_table_gets_a_section_with_its_caption(tmp_path):
     """Deviations stand in their mean's cell, subjects get tables of their own, notes are said once."""
-    sync = write_table(tmp_path / "table_4_4.csv", "subject,frames,in_sync [%],fgd,fgd deviation,warning",
-                       "calm,64,81.234,1.23456,0.5,beware <b>", "lively,16,n/a,12.3456,n/a,beware <b>")  # fmt: skip
+    sync = write_table(
+        tmp_path / "table_4_4.csv",
+        "subject,frames,in_sync [%],fgd,fgd deviation,warning",
+        "calm,64,81.234,1.23456,0.5,beware <b>",
+        "lively,16,n/a,12.3456,n/a,beware <b>",
+    )
     other = write_table(tmp_path / "table_9_1.csv", "row,lips [mm],lips deviation [mm],seeds", "mean_pose,3.456,0.11,3")
     empty = write_table(tmp_path / "empty.csv", "a,b")
     captions = {"table_9_1": {"title": "Lips & teeth", "about": "How *far* off; `random` is <1>."}, "gone": {}}
@@ -177,14 +189,25 @@ def test_any_table_gets_a_section_with_its_caption(tmp_path):
     page = Page(tmp_path / "r.html")
     assert page.values("a", "href") == ["#lips-teeth", "#table-4-4"]
     assert "How far off; random is <1>." in page.text and page.text.count("beware <b>") == 1
-    assert page.rows == [["row\xa0", "lipsmm", "seeds\xa0"], ["mean pose", "3.46 ± 0.11", "3"],
-                         ["frames\xa0", "in sync%", "fgd\xa0"], ["64", "81.2", "1.23 ± 0.50"],
-                         ["frames\xa0", "in sync%", "fgd\xa0"], ["16", "n/a", "12.3"]]  # fmt: skip
+    assert page.rows == [
+        ["row\xa0", "lipsmm", "seeds\xa0"],
+        ["mean pose", "3.46 ± 0.11", "3"],
+        ["frames\xa0", "in sync%", "fgd\xa0"],
+        ["64", "81.2", "1.23 ± 0.50"],
+        ["frames\xa0", "in sync%", "fgd\xa0"],
+        ["16", "n/a", "12.3"],
+    ]
 
 
 def test_a_table_may_be_drawn_as_curves(tmp_path):
-    learnt = write_table(tmp_path / "curve.csv", "step,part,pck [%],pck deviation [%]", "0,body,10,1", "50,body,80,2",
-                         "0,hand,20,1", "50,hand,n/a,n/a")  # fmt: skip
+    learnt = write_table(
+        tmp_path / "curve.csv",
+        "step,part,pck [%],pck deviation [%]",
+        "0,body,10,1",
+        "50,body,80,2",
+        "0,hand,20,1",
+        "50,hand,n/a,n/a",
+    )
     write_report(tmp_path / "r.html", title="x", tables=[learnt], captions={"curve": {"curve": "step"}})
     (source,) = Page(tmp_path / "r.html").values("img", "src")
     picture = base64.b64decode(source.removeprefix("data:image/svg+xml;base64,")).decode()
@@ -209,8 +232,10 @@ def test_players_stand_in_the_page_and_run(tmp_path, make_clip, browser):
     assert page.values("a", "href") == ["#side-by-side"] and "http" not in page.text
     browser.open(tmp_path / "r.html")
     browser.wait("document.querySelectorAll('.player canvas').length === 3")
-    titles = browser.run("[...document.querySelectorAll('.player')].map((each) => "
-                         "[...each.querySelectorAll('figcaption')].map((title) => title.textContent))")  # fmt: skip
+    titles = browser.run(
+        "[...document.querySelectorAll('.player')].map((each) => "
+        "[...each.querySelectorAll('figcaption')].map((title) => title.textContent))"
+    )
     assert titles == [["recorded", "resync"], ["recorded"]]
     browser.wait("[...document.querySelectorAll('.player button')].every((button) => !button.disabled)")
 

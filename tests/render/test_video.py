@@ -53,8 +53,9 @@ def test_length_rate_and_streams(tmp_path, make_clip):
     assert all(np.abs(a.astype(int) - b).max() > 30 for a, b in zip(frames[::8], frames[8::8], strict=False))
 
 
-@pytest.mark.parametrize(("frames", "fps", "expected"), [(1, 15.0, 2), (7, 15.0, 14), (10, 25.0, 10), (9, 7.5, 36),
-                                                          (5, 30.0, 5)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("frames", "fps", "expected"), [(1, 15.0, 2), (7, 15.0, 14), (10, 25.0, 10), (9, 7.5, 36), (5, 30.0, 5)]
+)
 def test_frame_count_follows_the_clip(tmp_path, make_clip, frames, fps, expected):
     render_video(tmp_path / "film.mp4", [("anna", make_clip(frames, fps))], size=(128, 96))
     assert len(frames_of(tmp_path / "film.mp4")) == expected

@@ -181,10 +181,15 @@ def not_sound(folder):
     whole = encode(folder / "whole.m4a", tone(2.0)[None], codec="aac", sample_format="fltp").read_bytes()
     (folder / "cut.m4a").write_bytes(whole[: len(whole) // 2])  # its index stood at the end
     return {
-        "missing.wav": "no such file", "folder.wav": "no such file", "empty.wav": "empty",
-        "text.wav": "not a sound file", "noise.mp3": "not a sound file", "head.wav": "no sound",
-        "mute.mp4": "no audio stream", "cut.m4a": "truncated",
-    }  # fmt: skip
+        "missing.wav": "no such file",
+        "folder.wav": "no such file",
+        "empty.wav": "empty",
+        "text.wav": "not a sound file",
+        "noise.mp3": "not a sound file",
+        "head.wav": "no sound",
+        "mute.mp4": "no audio stream",
+        "cut.m4a": "truncated",
+    }
 
 
 def test_what_is_no_sound_gets_one_line(tmp_path):

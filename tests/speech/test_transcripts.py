@@ -32,8 +32,10 @@ def azure(words):
 
 TICKS = [{"Word": w, "Offset": ticks(s), "Duration": ticks(e - s)} for w, s, e in ROWS]
 ISO = [{"word": w, "offset": f"PT{s}S", "duration": f"PT{e - s:.3f}S"} for w, s, e in ROWS]
-AWS = [{"start_time": str(s), "end_time": str(e), "type": "pronunciation", "alternatives": [{"content": w}]}
-       for w, s, e in ROWS]  # fmt: skip
+AWS = [
+    {"start_time": str(s), "end_time": str(e), "type": "pronunciation", "alternatives": [{"content": w}]}
+    for w, s, e in ROWS
+]
 AWS.append({"type": "punctuation", "alternatives": [{"content": "."}]})
 CPP = [{"text": f" {w}", "offsets": {"from": round(s * 1000), "to": round(e * 1000)}} for w, s, e in ROWS]
 SECONDS = [
@@ -45,40 +47,90 @@ SECONDS = [
     for w, s, e in ROWS
 ]
 DOCUMENTS = {
-    "Whisper": {"text": "", "segments": [{"start": 0, "end": 1, "text": "so the", "words": PLAIN[:2]},
-                                         {"start": 1, "end": 1, "text": "[Music]"}, {"words": PLAIN[2:]}]},
+    "Whisper": {
+        "text": "",
+        "segments": [
+            {"start": 0, "end": 1, "text": "so the", "words": PLAIN[:2]},
+            {"start": 1, "end": 1, "text": "[Music]"},
+            {"words": PLAIN[2:]},
+        ],
+    },
     "WhisperX": {"segments": [{"words": PLAIN}], "word_segments": PLAIN},
     "whisper.cpp, a word a segment": {"transcription": CPP},
-    "whisper.cpp, tokens": {"transcription": [{"text": " so the fish was huge", "offsets": {}, "tokens": [
-        {"text": "[_BEG_]", "offsets": {"from": 0, "to": 0}}, *CPP[:4],
-        {"text": " hu", "offsets": {"from": 1250, "to": 1500}},
-        {"text": "ge", "offsets": {"from": 1500, "to": 1800}}]}]},
+    "whisper.cpp, tokens": {
+        "transcription": [
+            {
+                "text": " so the fish was huge",
+                "offsets": {},
+                "tokens": [
+                    {"text": "[_BEG_]", "offsets": {"from": 0, "to": 0}},
+                    *CPP[:4],
+                    {"text": " hu", "offsets": {"from": 1250, "to": 1500}},
+                    {"text": "ge", "offsets": {"from": 1500, "to": 1800}},
+                ],
+            }
+        ]
+    },
     "Vosk": {"result": [{"conf": 1.0} | word for word in PLAIN], "text": "so the"},
     "Vosk, many": [{"result": PLAIN[:2]}, {"text": ""}, {"result": PLAIN[2:]}],
-    "Google": {"results": [{"alternatives": [{"words": google()[:3]}, {"words": google()}]},
-                           {"alternatives": [{"words": google()[3:]}]}]},
-    "Google, speakers": {"results": [{"alternatives": [{"words": google()}]},
-                                     {"alternatives": [{"words": google(speakerTag=1)}]}]},
+    "Google": {
+        "results": [
+            {"alternatives": [{"words": google()[:3]}, {"words": google()}]},
+            {"alternatives": [{"words": google()[3:]}]},
+        ]
+    },
+    "Google, speakers": {
+        "results": [{"alternatives": [{"words": google()}]}, {"alternatives": [{"words": google(speakerTag=1)}]}]
+    },
     "Google, an operation": {"done": True, "response": {"results": [{"alternatives": [{"words": SECONDS}]}]}},
-    "Google, version 2": {"results": [{"alternatives": [{"words": [
-        {"word": w, "startOffset": f"{s}s", "endOffset": f"{e}s"} for w, s, e in ROWS]}]}]},
+    "Google, version 2": {
+        "results": [
+            {
+                "alternatives": [
+                    {"words": [{"word": w, "startOffset": f"{s}s", "endOffset": f"{e}s"} for w, s, e in ROWS]}
+                ]
+            }
+        ]
+    },
     "Google, a list": google(),
     "AWS": {"jobName": "talk", "results": {"transcripts": [{}], "items": AWS}},
     "Azure": {"RecognitionStatus": "Success", "NBest": [{"Words": TICKS}]},
     "Azure, many": [{"NBest": [{"Words": TICKS[:2]}]}, {"NBest": [{"Words": TICKS[2:]}]}],
     "Azure, batch": {"recognizedPhrases": [azure(ISO[:2]), azure(ISO[2:])]},
-    "Azure, fast": {"phrases": [{"text": "", "words": [
-        {"text": w, "offsetMilliseconds": round(s * 1000), "durationMilliseconds": round((e - s) * 1000)}
-        for w, s, e in ROWS]}]},
-    "Deepgram": {"results": {"channels": [{"alternatives": [{"transcript": "", "words": PLAIN}]}],
-                             "utterances": [{"words": PLAIN}]}},
-    "AssemblyAI": {"audio_duration": 4, "words": [
-        {"text": w, "start": round(s * 1000), "end": round(e * 1000)} for w, s, e in ROWS]},
-    "Rev": {"monologues": [{"elements": [
-        *({"type": "text", "value": w, "ts": s, "end_ts": e} for w, s, e in ROWS), {"type": "punct", "value": "."}]}]},
+    "Azure, fast": {
+        "phrases": [
+            {
+                "text": "",
+                "words": [
+                    {"text": w, "offsetMilliseconds": round(s * 1000), "durationMilliseconds": round((e - s) * 1000)}
+                    for w, s, e in ROWS
+                ],
+            }
+        ]
+    },
+    "Deepgram": {
+        "results": {
+            "channels": [{"alternatives": [{"transcript": "", "words": PLAIN}]}],
+            "utterances": [{"words": PLAIN}],
+        }
+    },
+    "AssemblyAI": {
+        "audio_duration": 4,
+        "words": [{"text": w, "start": round(s * 1000), "end": round(e * 1000)} for w, s, e in ROWS],
+    },
+    "Rev": {
+        "monologues": [
+            {
+                "elements": [
+                    *({"type": "text", "value": w, "ts": s, "end_ts": e} for w, s, e in ROWS),
+                    {"type": "punct", "value": "."},
+                ]
+            }
+        ]
+    },
     "gentle": {"words": [{"startOffset": 0, "endOffset": 2, "case": "success"} | word for word in PLAIN]},
     "MFA": {"tiers": {"phones": {"entries": [[0.2, 0.3, "s"]]}, "words": {"entries": [[s, e, w] for w, s, e in ROWS]}}},
-}  # fmt: skip
+}
 
 
 def grid(*tiers, comment=""):
@@ -128,7 +180,7 @@ TEXTS = {
     "audacity.tsv": "".join(f"{s}\t{e}\t{w}\n" for w, s, e in ROWS),
     "whisper, a word a row.tsv": "start\tend\ttext\n" + "".join(f"{s}\t{e}\t{w}\n" for w, s, e in IN_MS),
     "vosk.json": "".join(json.dumps({"result": [word]}, indent=1) + "\n" for word in PLAIN),
-}  # fmt: skip
+}
 TEXTS |= {f"{name}.json": json.dumps(content) for name, content in DOCUMENTS.items()}
 
 
@@ -148,12 +200,15 @@ def test_every_transcript_gives_the_sentence(tmp_path, name):
     assert np.allclose([words.start, words.end], [START, END], atol=1e-6)
 
 
-@pytest.mark.parametrize("name, told", [
-    ("grid of phones first.TextGrid", "tier 'ORT-MAU' is read, of 'MAU', 'ORT-MAU', 'KAN-MAU'"),
-    ("talk.ctm", "recording 'talk' is read, of 2"),
-    ("two channels.ctm", "channel 'A' is read, of A, B"),
-    ("milliseconds.tsv", "milliseconds"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, told",
+    [
+        ("grid of phones first.TextGrid", "tier 'ORT-MAU' is read, of 'MAU', 'ORT-MAU', 'KAN-MAU'"),
+        ("talk.ctm", "recording 'talk' is read, of 2"),
+        ("two channels.ctm", "channel 'A' is read, of A, B"),
+        ("milliseconds.tsv", "milliseconds"),
+    ],
+)
 def test_what_was_read_is_told(tmp_path, name, told):
     (tmp_path / name).write_text(TEXTS[name])
     assert any(told in line for line in read(tmp_path / name, recording="talk")[1])
@@ -215,9 +270,12 @@ def test_subtitles_with_times_inside_or_one_word_underlined_are_word_times(tmp_p
     assert (
         words.text == TEXT[:3] and words.start.tolist() == START[:3] and not any("not word" in line for line in notices)
     )
-    (tmp_path / "b.srt").write_text("".join(
-        f"{i}\n00:00:0{s:.3f} --> 00:00:0{e:.3f}\n{' '.join(f'<u>{x}</u>' if x == w else x for x in TEXT)}\n\n"
-        for i, (w, s, e) in enumerate(ROWS)))  # fmt: skip
+    (tmp_path / "b.srt").write_text(
+        "".join(
+            f"{i}\n00:00:0{s:.3f} --> 00:00:0{e:.3f}\n{' '.join(f'<u>{x}</u>' if x == w else x for x in TEXT)}\n\n"
+            for i, (w, s, e) in enumerate(ROWS)
+        )
+    )
     words, _ = read(tmp_path / "b.srt")
     assert words.text == TEXT and np.allclose([words.start, words.end], [START, END])
 
@@ -233,12 +291,17 @@ def test_beside_a_sound_word_times_come_before_sentences(tmp_path):
         assert find_words(tmp_path / "talk.wav", 4.0).start.tolist() == START
 
 
-@pytest.mark.parametrize("name, text", [
-    ("talk.json", json.dumps({"names": ["jawOpen"], "frames": [{"weights": [0.3], "time": 0.0}]})),
-    ("talk.json", json.dumps([[0.1, 0.2], [0.3, 0.4]])), ("talk.json", '{"people": [], "version": 1.3'),
-    ("talk.json", json.dumps({"words": 120, "title": "talk"})), ("talk.tsv", "time\tpitch\n0.0\t120\n"),
-    ("talk.TextGrid", 'File type = "ooTextFile"\nObject class = "Pitch 1"\n'),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, text",
+    [
+        ("talk.json", json.dumps({"names": ["jawOpen"], "frames": [{"weights": [0.3], "time": 0.0}]})),
+        ("talk.json", json.dumps([[0.1, 0.2], [0.3, 0.4]])),
+        ("talk.json", '{"people": [], "version": 1.3'),
+        ("talk.json", json.dumps({"words": 120, "title": "talk"})),
+        ("talk.tsv", "time\tpitch\n0.0\t120\n"),
+        ("talk.TextGrid", 'File type = "ooTextFile"\nObject class = "Pitch 1"\n'),
+    ],
+)
 def test_something_else_beside_a_sound_costs_a_notice(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.warns(CospeechNotice, match=f"{name}.*passed over"):
@@ -277,9 +340,11 @@ def test_an_old_praat_file_is_latin_1_and_a_japanese_one_is_not(tmp_path):
 SEEDS = {
     ".tsv": ["whisper, a word a row.tsv", "audacity.tsv"],
     ".textgrid": ["chronological.TextGrid", "grid of a speaker.TextGrid"],
-    ".ctm": ["talk.ctm", "alternatives.ctm"], ".json": [f"{name}.json" for name in DOCUMENTS], ".vtt": [CUES],
+    ".ctm": ["talk.ctm", "alternatives.ctm"],
+    ".json": [f"{name}.json" for name in DOCUMENTS],
+    ".vtt": [CUES],
     ".srt": ["1\n00:00:00,500 --> 00:00:02,500\nso the fish\n\n2\n00:00:03,000 --> 00:00:04,000\nwas\n"],
-}  # fmt: skip
+}
 PIECES = [
     "null",
     "-1",

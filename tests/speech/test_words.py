@@ -66,13 +66,17 @@ def write_all(folder):
     whisper = [{"text": "so this", "words": json_words()[:2]}, {"text": "is fun", "words": json_words()[2:]}]
     ctm = "".join(f"talk 1 {s} {round(e - s, 6)} {w} 0.98\n" for w, s, e in zip(*EXPECTED, strict=True))
     texts = {
-        "plain.tsv": tsv(), "header.tsv": tsv(("start", "end", "word"), header=True),
-        "windows.tsv": "\ufeff" + tsv(header=True).replace("\n", "\r\n") + "\r\n", "long.TextGrid": long_textgrid(),
+        "plain.tsv": tsv(),
+        "header.tsv": tsv(("start", "end", "word"), header=True),
+        "windows.tsv": "\ufeff" + tsv(header=True).replace("\n", "\r\n") + "\r\n",
+        "long.TextGrid": long_textgrid(),
         "first.TextGrid": HEAD.format(size=1) + long_textgrid(name="Silben").split("item [3]:")[1],
-        "short.textgrid": short_textgrid(), "a.ctm": f";; made by\n{ctm}",
-        "list.json": json.dumps(json_words("text")), "whisper.json": json.dumps({"segments": whisper}),
+        "short.textgrid": short_textgrid(),
+        "a.ctm": f";; made by\n{ctm}",
+        "list.json": json.dumps(json_words("text")),
+        "whisper.json": json.dumps({"segments": whisper}),
         "gentle.json": json.dumps({"transcript": "...", "words": [*json_words(case="success"), missed]}),
-    }  # fmt: skip
+    }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8", newline="")
     for encoding in ("utf-16", "utf-16-le", "utf-16-be"):

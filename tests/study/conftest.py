@@ -72,16 +72,32 @@ def answer(tmp_path):
 def answered(study, participant, value):
     """What the page collects; `value` is called with (condition, question), of pairs (first, second, question)."""
     times = {"play": 500, "ended": 40_000, "answered": 42_000}
-    items = [{"kind": kind, "stimuli": [s["id"] for s in shown], "values": values, "ms": times, "views": 1, "hidden": 0}
-             for kind, shown, values in _shown(study, value)]  # fmt: skip
+    items = [
+        {"kind": kind, "stimuli": [s["id"] for s in shown], "values": values, "ms": times, "views": 1, "hidden": 0}
+        for kind, shown, values in _shown(study, value)
+    ]
     right = "first" if study["kind"] == "pairs" else 2
-    check = {"kind": "check", "stimuli": items[0]["stimuli"], "values": dict.fromkeys(study["questions"], right),
-             "expected": right, "ms": times, "views": 1, "hidden": 0}  # fmt: skip
+    check = {
+        "kind": "check",
+        "stimuli": items[0]["stimuli"],
+        "values": dict.fromkeys(study["questions"], right),
+        "expected": right,
+        "ms": times,
+        "views": 1,
+        "hidden": 0,
+    }
     return {
-        "schema": "cospeech.answers", "version": 1, "study": study["id"], "title": study["title"],
-        "participant": participant, "started": "2026-01-01T10:00:00Z", "finished": "2026-01-01T10:20:00Z",
-        "complete": True, "items": len(items) + study["checks"], "answers": items + [check] * study["checks"],
-    }  # fmt: skip
+        "schema": "cospeech.answers",
+        "version": 1,
+        "study": study["id"],
+        "title": study["title"],
+        "participant": participant,
+        "started": "2026-01-01T10:00:00Z",
+        "finished": "2026-01-01T10:20:00Z",
+        "complete": True,
+        "items": len(items) + study["checks"],
+        "answers": items + [check] * study["checks"],
+    }
 
 
 def _shown(study, value):

@@ -33,8 +33,10 @@ def test_means_and_deviations_by_hand():
 
 def test_comparisons_are_scipys_with_holms_correction():
     rng = np.random.default_rng(3)
-    scores = {name: {f"p{i}": 3 + shift + rng.integers(-2, 3) / 3 for i in range(20)}
-              for name, shift in (("a", 1.0), ("b", 0.0), ("c", 0.5))}  # fmt: skip
+    scores = {
+        name: {f"p{i}": 3 + shift + rng.integers(-2, 3) / 3 for i in range(20)}
+        for name, shift in (("a", 1.0), ("b", 0.0), ("c", 0.5))
+    }
     found = compare(scores, "q", ["a", "b", "c"])
     assert [(row.a, row.b) for row in found] == [("a", "b"), ("a", "c"), ("b", "c")]
     for row in found:
@@ -143,8 +145,10 @@ def test_all_that_is_written(make_study, answer, tmp_path):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
     table = list(csv.DictReader((tmp_path / "out/table.csv").open()))
     assert [(row["condition"], row["mean"]) for row in table] == [
-        ("ground_truth", "5"), ("mismatched", "3.5"), ("knn", "4.5")
-    ]  # fmt: skip
+        ("ground_truth", "5"),
+        ("mismatched", "3.5"),
+        ("knn", "4.5"),
+    ]
     assert len(list(csv.DictReader((tmp_path / "out/answers.csv").open()))) == 6 * 6
     with h5py.File(tmp_path / "out/study.h5") as file:
         assert file.attrs["schema"] == "cospeech.study_results" and file.attrs["study"] == study["id"]
@@ -191,7 +195,7 @@ def _edited(file):
 
 def test_each_bad_file_gets_one_line_and_the_others_count(make_study, answer, tmp_path):
     _, study = make_study()
-    rate = lambda c, q: STARS[c]  # noqa: E731
+    rate = lambda c, q: STARS[c]
     whole = json.loads(answer(study, "good", rate).read_text())["answers"]
     hasty = [one | {"ms": {"play": 100, "ended": 110, "answered": 200}} for one in whole]
     foreign = [one | {"stimuli": ["../../secret"]} for one in whole]
@@ -212,13 +216,21 @@ def test_each_bad_file_gets_one_line_and_the_others_count(make_study, answer, tm
         "schema": answer(study, "schema", rate, changed={"schema": "else"}),
     }
     lines = {
-        "other": "answers of study '0123456789ab'; this is", "half": "half-filled, 4 of 7", "short": "half-filled",
-        "edited": "edited after it was saved", "nosum": "edited", "scale": "is 6, off the scale",
-        "text": "off the scale", "true": "off the scale", "hasty": "answered before its 0.6 s were played",
-        "foreign": "a clip that this study does not have", "code": "no participant", "list": "no known kind",
+        "other": "answers of study '0123456789ab'; this is",
+        "half": "half-filled, 4 of 7",
+        "short": "half-filled",
+        "edited": "edited after it was saved",
+        "nosum": "edited",
+        "scale": "is 6, off the scale",
+        "text": "off the scale",
+        "true": "off the scale",
+        "hasty": "answered before its 0.6 s were played",
+        "foreign": "a clip that this study does not have",
+        "code": "no participant",
+        "list": "no known kind",
         "repeated": "not those of one participant",
         "schema": "no file of answers",
-    }  # fmt: skip
+    }
     for name, content in {"deep": "[" * 100_000, "latin": "\udcff", "array": "[1]"}.items():
         bad[name] = tmp_path / f"{name}.json"
         bad[name].write_text(content, errors="surrogateescape")
@@ -267,8 +279,11 @@ def test_nothing_to_analyse_and_broken_studies_are_said(make_study, answer, tmp_
     path = answer(study, "p", lambda c, q: 3, changed={"study": "x"})
     with pytest.warns(CospeechNotice), pytest.raises(CospeechError, match="no answers to analyse; 1 files"):
         analyse(folder, [path])
-    for content, line in (("{}", "no study of version 1"), ("", "not whole JSON"),
-                          (json.dumps({"schema": "cospeech.study", "version": 1}), "has no checks")):  # fmt: skip
+    for content, line in (
+        ("{}", "no study of version 1"),
+        ("", "not whole JSON"),
+        (json.dumps({"schema": "cospeech.study", "version": 1}), "has no checks"),
+    ):
         (folder / "study.json").write_text(content)
         with pytest.raises(CospeechError, match=line):
             analyse(folder, [path])

@@ -88,8 +88,9 @@ def plans(browser, study, codes, folder):
     page = (folder / "index.html").read_text()
     told = json.loads(page.split('id="design">')[1].split("</script>")[0])
     script = (files("cospeech.study") / "plan.js").read_text()
-    return browser.run(f"(() => {{ {script}\n return {json.dumps(codes)}.map("
-                       f"(code) => makePlan({json.dumps(told)}, code)); }})()")  # fmt: skip
+    return browser.run(
+        f"(() => {{ {script}\n return {json.dumps(codes)}.map((code) => makePlan({json.dumps(told)}, code)); }})()"
+    )
 
 
 def test_a_participant_rates_reloads_and_the_file_is_analysed(browser, make_study, tmp_path):
@@ -123,8 +124,9 @@ def test_a_participant_rates_reloads_and_the_file_is_analysed(browser, make_stud
     assert not browser.log and browser.run("document.querySelectorAll('img, b').length") == 0
     clips = folder / "clips"
     assert {a.removeprefix("file://") for a in browser.requests if a.startswith("file:")} == {
-        str(folder / "index.html"), *map(str, clips.glob("*.js"))
-    }  # fmt: skip
+        str(folder / "index.html"),
+        *map(str, clips.glob("*.js")),
+    }
     assert all(address.startswith(("file:", "data:", "blob:")) for address in browser.requests)
 
 

@@ -66,8 +66,11 @@ def test_takes_take_turns_and_badly_tracked_stretches_are_passed_over(results):
     path = results / "anna/synthesis/ground_truth/take01.h5"
     clip = Clip.read(path)
     assert [s.track for s in from_results(results, ["anna"], METHODS, 0.5, 4)][::3] == [
-        "anna/take01@0.00", "anna/take02@0.00", "anna/take01@0.53", "anna/take02@0.53"
-    ]  # fmt: skip
+        "anna/take01@0.00",
+        "anna/take02@0.00",
+        "anna/take01@0.53",
+        "anna/take02@0.53",
+    ]
     clip.valid[10:14] = False
     clip.write(path)
     tracks = {s.track for s in from_results(results, ["anna"], METHODS, 0.5, 6)}
@@ -77,9 +80,10 @@ def test_takes_take_turns_and_badly_tracked_stretches_are_passed_over(results):
 def test_mistakes_of_results_get_one_line(results):
     truth = results / "anna/synthesis/ground_truth"
     for methods, line in (
-        (["knn"], "two or more"), (["knn", "knn"], "different ones"),
+        (["knn"], "two or more"),
+        (["knn", "knn"], "different ones"),
         (["ground_truth", "resync"], r"resync/take01\.h5: no such file"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(CospeechError, match=line):
             from_results(results, ["anna"], methods, 0.6)
     with (
@@ -116,8 +120,10 @@ def test_same_input_same_bytes_and_another_seed_is_another_study(make_study):
 def test_texts_of_a_manifest_are_text_and_names_stay_in_the_folder(results, tmp_path):
     truth = "results/anna/synthesis/ground_truth/take01.h5"
     nasty = "<script>alert(1)</script>"
-    listed = [{"condition": name, "track": "../../../etc/passwd", "motion": truth, "start": 0.2}
-              for name in (f"{nasty}", "../../up")]  # fmt: skip
+    listed = [
+        {"condition": name, "track": "../../../etc/passwd", "motion": truth, "start": 0.2}
+        for name in (f"{nasty}", "../../up")
+    ]
     questions = {"fits": f"{nasty} fits?"}
     (tmp_path / "own.yaml").write_text(json.dumps({"title": nasty, "questions": questions, "stimuli": listed}))
     stimuli, texts = from_manifest(tmp_path / "own.yaml", 0.5)
@@ -135,14 +141,16 @@ def test_texts_of_a_manifest_are_text_and_names_stay_in_the_folder(results, tmp_
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        ("[1, 2", "not valid YAML"), ("- 1", "key `stimuli`"), ("stimuli: []", "key `stimuli`"),
+        ("[1, 2", "not valid YAML"),
+        ("- 1", "key `stimuli`"),
+        ("stimuli: []", "key `stimuli`"),
         ("colour: red\nstimuli: [{}]", "unknown key 'colour'"),
         ("stimuli: [{condition: a}]", "stimulus 1: expected condition, track, motion"),
         ("stimuli: [{condition: a, track: t, motion: m.h5, start: soon}]", "seconds, 0 or more"),
         ("stimuli: [{condition: a, track: t, motion: no.h5}]", r"no\.h5: no such file"),
         ("stimuli: [{condition: a, track: t, motion: no.h5, audio: no.wav}]", "no sound at"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_of_a_manifest_get_one_line(tmp_path, content, line):
     (tmp_path / "own.yaml").write_text(content)
     with pytest.raises(CospeechError, match=line) as error:
@@ -154,13 +162,16 @@ def test_what_cannot_be_a_study_is_refused_before_anything_is_written(stimuli, t
     ok = Design(tracks=2)
     elsewhere = [replace(stimuli[0], audio_start=0.4), *stimuli[1:]]
     for chosen, design, line in (
-        (stimuli[:5], ok, "has 0 clips on track"), ([*stimuli, stimuli[0]], ok, "has 2 clips"),
-        ([s for s in stimuli if s.condition == "knn"], ok, "one condition"), (elsewhere, ok, "different sounds"),
-        (stimuli, Design(tracks=3), "there are 2"), (stimuli, Design(tracks=1, points=6), "5 or 7"),
+        (stimuli[:5], ok, "has 0 clips on track"),
+        ([*stimuli, stimuli[0]], ok, "has 2 clips"),
+        ([s for s in stimuli if s.condition == "knn"], ok, "one condition"),
+        (elsewhere, ok, "different sounds"),
+        (stimuli, Design(tracks=3), "there are 2"),
+        (stimuli, Design(tracks=1, points=6), "5 or 7"),
         (stimuli, Design(tracks=1, title=5), "title: expected text"),
         (stimuli, Design(tracks=1, questions={"a b": "?"}), "short names"),
         (stimuli, Design(tracks=1, questions=["?"]), "short names"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(CospeechError, match=line):
             build_study(tmp_path / "study", chosen, design)
     assert not (tmp_path / "study").exists()

@@ -24,15 +24,41 @@ def test_default_run_covers_every_stage_of_both_speakers(snakemake):
     done = snakemake(ROOT, "--dry-run", "--cores", "2", "--forceall", "--nolock")
     assert done.returncode == 0, done.stdout
     assert jobs(done.stdout) == {
-        "demo_take": 40, "annotate_demo": 40, "split_clips": 2, "build_database": 2, "train_model": 6,
-        "train_feature_net": 2, "cut_truth": 6, "synthesize": 30, "export": 36, "render": 36, "evaluate": 2,
+        "demo_take": 40,
+        "annotate_demo": 40,
+        "split_clips": 2,
+        "build_database": 2,
+        "train_model": 6,
+        "train_feature_net": 2,
+        "cut_truth": 6,
+        "synthesize": 30,
+        "export": 36,
+        "render": 36,
+        "evaluate": 2,
         "train_audio_rank": 2,
-        "control_error": 2, "control_variants": 2, "write_control_tables": 1, "lip_error": 2, "lip_table": 1,
-        "make_people": 3, "train_posenet": 3, "export_posenet": 3, "evaluate_posenet": 3,
-        "film_take": 8, "take_sound": 8, "track_posenet": 8, "speaker_bones": 2, "annotate_video": 8,
-        "judge_annotation": 1, "list_takes": 1, "summarize": 1, "measure_motion": 2, "motion_table": 1,
-        "write_report": 1, "all": 1, "total": 266,
-    }  # fmt: skip
+        "control_error": 2,
+        "control_variants": 2,
+        "write_control_tables": 1,
+        "lip_error": 2,
+        "lip_table": 1,
+        "make_people": 3,
+        "train_posenet": 3,
+        "export_posenet": 3,
+        "evaluate_posenet": 3,
+        "film_take": 8,
+        "take_sound": 8,
+        "track_posenet": 8,
+        "speaker_bones": 2,
+        "annotate_video": 8,
+        "judge_annotation": 1,
+        "list_takes": 1,
+        "summarize": 1,
+        "measure_motion": 2,
+        "motion_table": 1,
+        "write_report": 1,
+        "all": 1,
+        "total": 266,
+    }
 
 
 @pytest.mark.parametrize(
@@ -112,7 +138,7 @@ def test_pins_cover_every_dependency_and_name_no_machine():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     wanted = project["dependencies"] + extras["test"] + extras["lint"]
-    normal = lambda text: re.match(r"[\w.-]+", text)[0].lower().replace("_", "-")  # noqa: E731
+    normal = lambda text: re.match(r"[\w.-]+", text)[0].lower().replace("_", "-")
     lines = [line for line in (ROOT / "envs/requirements.txt").read_text().splitlines() if not line.startswith("#")]
     assert all(re.fullmatch(r"[\w.-]+==[\w.!]+", line) for line in lines)
     assert {normal(name) for name in wanted} <= {normal(line) for line in lines}

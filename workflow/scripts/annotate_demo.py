@@ -10,6 +10,6 @@ with job():
     files, name = snakemake.input, snakemake.wildcards.clip
     about = {"subject": snakemake.wildcards.subject, "clip": name, "fps": snakemake.params.fps}
     about |= {"audio_path": f"../media/{name}.wav"}
-    made = lambda: read_take(files.truth, files.wav, **about)  # noqa: E731
+    made = lambda: read_take(files.truth, files.wav, **about)
     clip, _ = clip_or_refusal(made, lambda: load_audio(files.wav), **about)
     clip.write(snakemake.output.clip)

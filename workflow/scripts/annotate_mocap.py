@@ -21,7 +21,7 @@ with job():
         return clip
 
     sound = dict(stretch)
-    listen = lambda: load_audio(files.audio, **sound)  # noqa: E731
+    listen = lambda: load_audio(files.audio, **sound)
     clip, _ = clip_or_refusal(made, listen, **about)
     write_wav(snakemake.output.wav, *sound_or_silence(listen, name))
     clip.write(snakemake.output.clip)

@@ -12,8 +12,8 @@ with job():
     from cospeech.speech import load_audio
 
     files, params, errors, judged = snakemake.input, snakemake.params, {}, []
-    owner = lambda path: Path(path).parts[-3]  # noqa: E731
-    read = lambda paths, who: {Path(path).stem: Clip.read(path) for path in paths if owner(path) == who}  # noqa: E731
+    owner = lambda path: Path(path).parts[-3]
+    read = lambda paths, who: {Path(path).stem: Clip.read(path) for path in paths if owner(path) == who}
     for name, split in params.films.items():
         player = params.players[name]
         clips, truth = read(files.clips, name), read(files.truth, player)

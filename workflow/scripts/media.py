@@ -8,5 +8,5 @@ with job():
     from cospeech.speech import write_wav
 
     files, params = snakemake.input, snakemake.params
-    listen = lambda: take_sound(files.video, files.get("audio"), params.start, params.end)  # noqa: E731
+    listen = lambda: take_sound(files.video, files.get("audio"), params.start, params.end)
     write_wav(snakemake.output.wav, *sound_or_silence(listen, snakemake.wildcards.clip))

@@ -17,7 +17,7 @@ with job():
     from cospeech.render.pages.report import side_by_side, write_report
 
     results, facts = Path(snakemake.output[0]).parent, snakemake.params.facts
-    name = lambda path, folder: str(Path(path).relative_to(results / folder).with_suffix(""))  # noqa: E731
+    name = lambda path, folder: str(Path(path).relative_to(results / folder).with_suffix(""))
     logs = sorted((results / "logs").rglob("*.log"))
     studies, compared = map(ControlStudy.read, snakemake.input.studies), snakemake.input.compared
     write_report(

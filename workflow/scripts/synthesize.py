@@ -12,7 +12,7 @@ with job():
 
     files, params = snakemake.input, snakemake.params
     generator = load(params.model, params.folder, snakemake.threads)
-    listed = lambda paths: [paths] if isinstance(paths, str) else list(paths)  # noqa: E731
+    listed = lambda paths: [paths] if isinstance(paths, str) else list(paths)
     audios, outs = listed(files.audio), map(Path, listed(snakemake.output.clip))
     truths = [Clip.read(path) for path in listed(files.get("truth", []))] or [None] * len(audios)
     for audio, truth, out in zip(audios, truths, outs, strict=True):

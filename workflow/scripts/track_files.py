@@ -9,6 +9,6 @@ with job():
     from cospeech.capture.trackers.registry import run_trackers
 
     files, params = snakemake.input, snakemake.params
-    film = lambda: open_film(files.video, params.start, params.end)  # noqa: E731
-    look = lambda: run_trackers(film(), PrecomputedTracker(files.tracks, params.body_model))  # noqa: E731
+    film = lambda: open_film(files.video, params.start, params.end)
+    look = lambda: run_trackers(film(), PrecomputedTracker(files.tracks, params.body_model))
     track_or_refusal(look, snakemake.wildcards.clip).write(snakemake.output.track)

@@ -10,5 +10,5 @@ with job():
 
     files, params = snakemake.input, snakemake.params
     tracker = MediapipeTracker(params.folder)
-    look = lambda: run_trackers(open_film(files.video, params.start, params.end), tracker)  # noqa: E731
+    look = lambda: run_trackers(open_film(files.video, params.start, params.end), tracker)
     track_or_refusal(look, snakemake.wildcards.clip).write(snakemake.output.track)

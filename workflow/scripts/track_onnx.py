@@ -11,5 +11,5 @@ with job():
 
     files, params = snakemake.input, snakemake.params
     tracker = OnnxTracker(read_manifest(files.manifest, params.model), snakemake.threads)
-    look = lambda: run_trackers(open_film(files.video, params.start, params.end), tracker)  # noqa: E731
+    look = lambda: run_trackers(open_film(files.video, params.start, params.end), tracker)
     track_or_refusal(look, snakemake.wildcards.clip).write(snakemake.output.track)

@@ -12,5 +12,5 @@ with job():
 
     files, params = snakemake.input, snakemake.params
     trackers = posenet_trackers(Path(files.manifests[0]).parents[1], snakemake.threads)
-    look = lambda: run_trackers(open_film(files.video, params.start, params.end), trackers)  # noqa: E731
+    look = lambda: run_trackers(open_film(files.video, params.start, params.end), trackers)
     track_or_refusal(look, snakemake.wildcards.clip).write(snakemake.output.track)

@@ -18,9 +18,20 @@ SILENCE = 16000  # Hz of the silence that stands in for a film without sound
 
 
 def annotate(
-    track, audio=None, *, subject, clip, fps=RATE, audio_start=0.0, audio_path="", bones=None, face_model=None,
-    words=None, settings=None, name="track",
-):  # fmt: skip
+    track,
+    audio=None,
+    *,
+    subject,
+    clip,
+    fps=RATE,
+    audio_start=0.0,
+    audio_path="",
+    bones=None,
+    face_model=None,
+    words=None,
+    settings=None,
+    name="track",
+):
     """One take as (`Clip`, `Quality`).
 
     track : a `Track`. audio : its sound, any file with sound, or None for a film without; at `audio_start` seconds of
@@ -48,10 +59,17 @@ def annotate(
         cleaned, observed, track.fps, fps, subject=subject, clip=clip, backend=track.backend, licence_note=licence
     )
     del observed  # an hour of it and an hour of sound are a gigabyte
-    head = {"subject": subject, "clip": clip, "fps": float(fps), "audio": audio_path, "face_model": model,
-            "words": _words(audio, words, audio_start, seconds), "source": track.source,
-            "source_sha256": track.source_sha256,
-            "extra": {"tracker": track.backend, "licence_note": licence}}  # fmt: skip
+    head = {
+        "subject": subject,
+        "clip": clip,
+        "fps": float(fps),
+        "audio": audio_path,
+        "face_model": model,
+        "words": _words(audio, words, audio_start, seconds),
+        "source": track.source,
+        "source_sha256": track.source_sha256,
+        "extra": {"tracker": track.backend, "licence_note": licence},
+    }
     return _clip(cleaned, *_sound(audio, audio_start, seconds), fps, head).validate(name), quality
 
 
@@ -59,7 +77,7 @@ def _clip(cleaned, samples, sample_rate, fps, head):
     """The `Clip` of cleaned motion and its sound; `head`: the clip's other fields."""
     from cospeech.speech import integrated_loudness, speech_features
 
-    single = lambda array: None if array is None else array.astype(np.float32)  # noqa: E731
+    single = lambda array: None if array is None else array.astype(np.float32)
     face = cleaned.face or Face(None, None)
     expression = single(face.expression)
     if expression is not None and head["face_model"] == EMBEDDED:
@@ -67,10 +85,15 @@ def _clip(cleaned, samples, sample_rate, fps, head):
     return Clip(
         positions=single(cleaned.positions),
         features=speech_features(samples, sample_rate, fps=fps, frames=len(cleaned.positions)),
-        valid=cleaned.valid, confidence=single(cleaned.confidence), expression=expression,
-        rotation=single(face.rotation), face_confidence=single(face.score), sample_rate=int(sample_rate),
-        loudness_lufs=float(integrated_loudness(samples, sample_rate)), **head,
-    )  # fmt: skip
+        valid=cleaned.valid,
+        confidence=single(cleaned.confidence),
+        expression=expression,
+        rotation=single(face.rotation),
+        face_confidence=single(face.score),
+        sample_rate=int(sample_rate),
+        loudness_lufs=float(integrated_loudness(samples, sample_rate)),
+        **head,
+    )
 
 
 def _refuse(track, observed, settings, name):

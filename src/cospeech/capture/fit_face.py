@@ -97,9 +97,15 @@ def fit_landmarks(
     expression[:, active] = np.clip(state.expression, 0, 1) if model.bounded else state.expression
     seen, own = score.max(axis=1) > 0, model.identity.shape[-1]
     return FaceFit(
-        expression, Rotation.from_matrix(state.rotation).as_rotvec(), state.translation, np.exp(state.log_scale),
-        state.identity[:own], state.identity[own:].reshape(-1, 3), np.where(seen, score.mean(axis=1), 0.0), residual,
-    )  # fmt: skip
+        expression,
+        Rotation.from_matrix(state.rotation).as_rotvec(),
+        state.translation,
+        np.exp(state.log_scale),
+        state.identity[:own],
+        state.identity[own:].reshape(-1, 3),
+        np.where(seen, score.mean(axis=1), 0.0),
+        residual,
+    )
 
 
 def fit_track(track, model=None, settings=None, name="track"):
@@ -175,8 +181,7 @@ def _basis(model, vertices):
     active = np.flatnonzero(moves > MOVABLE)
     personal = np.eye(3 * len(vertices)).reshape(len(vertices), 3, -1)
     identity = np.concatenate([model.identity[vertices], personal], axis=-1)
-    return Basis(model.mean[vertices], identity, model.expression[vertices][..., active],
-                 model.bounded), active  # fmt: skip
+    return Basis(model.mean[vertices], identity, model.expression[vertices][..., active], model.bounded), active
 
 
 def _landmarks(points, score, fps, camera, metric, cuts, basis, settings):

@@ -27,8 +27,17 @@ def harmonics(normals):
     x, y, z = normals.unbind(-1)
     one = torch.ones_like(x)
     a, b, c = 0.5 * np.sqrt(1 / np.pi), np.sqrt(3 / (4 * np.pi)), 0.5 * np.sqrt(15 / np.pi)
-    terms = [a * one, b * y, b * z, b * x, c * x * y, c * y * z, 0.25 * np.sqrt(5 / np.pi) * (3 * z**2 - 1), c * x * z,
-             0.5 * c * (x**2 - y**2)]  # fmt: skip
+    terms = [
+        a * one,
+        b * y,
+        b * z,
+        b * x,
+        c * x * y,
+        c * y * z,
+        0.25 * np.sqrt(5 / np.pi) * (3 * z**2 - 1),
+        c * x * z,
+        0.5 * c * (x**2 - y**2),
+    ]
     return torch.stack(terms, dim=-1)
 
 
@@ -63,8 +72,9 @@ def fit_light(colors, albedo, normals, ridge=1e-4):
     for channel in range(3):
         matrix = albedo[:, channel : channel + 1] * terms
         normal = matrix.T @ matrix
-        light.append(np.linalg.solve(normal + ridge * np.trace(normal) / BANDS * np.eye(BANDS),
-                                     matrix.T @ colors[:, channel]))  # fmt: skip
+        light.append(
+            np.linalg.solve(normal + ridge * np.trace(normal) / BANDS * np.eye(BANDS), matrix.T @ colors[:, channel])
+        )
     return np.concatenate(light)
 
 
@@ -111,6 +121,6 @@ def explain(model, image, camera, expression, rotation, translation, identity=No
     albedo = (mean / ALBEDO**2 + trust * colors / np.maximum(shading, 0.05)) / (ALBEDO**-2 + trust)
     daylight = np.zeros(3 * BANDS)
     daylight[::BANDS] = 2 * np.sqrt(np.pi)
-    shown = lambda skin, lamp: shade(torch.tensor(skin), normals, torch.tensor(lamp)).numpy()  # noqa: E731
-    differ = lambda skin, lamp: float(np.sqrt(((shown(skin, lamp) - colors)[seen] ** 2).mean()))  # noqa: E731
+    shown = lambda skin, lamp: shade(torch.tensor(skin), normals, torch.tensor(lamp)).numpy()
+    differ = lambda skin, lamp: float(np.sqrt(((shown(skin, lamp) - colors)[seen] ** 2).mean()))
     return Appearance(albedo, light, seen, differ(mean, daylight), differ(albedo, light))

@@ -22,8 +22,18 @@ from cospeech.skeleton import bone_lengths
 from cospeech.track import Track
 
 SILENCE = np.zeros(16000, np.float32), 16000  # stands in for the sound of a film that cannot be read
-HEADINGS = ("subject", "take", "refused", "valid [%]", "body seen [%]", "hands seen [%]", "face seen [%]",
-            "bone deviation [%]", "jitter, tracked [m/s^2]", "jitter, cleaned [m/s^2]")  # fmt: skip
+HEADINGS = (
+    "subject",
+    "take",
+    "refused",
+    "valid [%]",
+    "body seen [%]",
+    "hands seen [%]",
+    "face seen [%]",
+    "bone deviation [%]",
+    "jitter, tracked [m/s^2]",
+    "jitter, cleaned [m/s^2]",
+)
 NOTHING = [ABSENT] * 7  # of the numbers of a take that was refused
 
 
@@ -87,9 +97,17 @@ def quality_of(clip):
     lacking = {part: 1 - share for part, share in seen.items()}
     unknown = dict.fromkeys(SCALARS, math.nan) | {"valid": float(clip.valid.mean())}
     return Quality(
-        clip.subject, clip.clip, clip.fps, clip.frames, "", observed=seen, interpolated=dict.fromkeys(seen, 0.0),
-        excluded=lacking, refused=clip.extra.get("refused", ""), **unknown,
-    )  # fmt: skip
+        clip.subject,
+        clip.clip,
+        clip.fps,
+        clip.frames,
+        "",
+        observed=seen,
+        interpolated=dict.fromkeys(seen, 0.0),
+        excluded=lacking,
+        refused=clip.extra.get("refused", ""),
+        **unknown,
+    )
 
 
 def refused_take(reason, samples, sample_rate, *, bones, subject, clip, fps, audio_path=""):
@@ -100,11 +118,18 @@ def refused_take(reason, samples, sample_rate, *, bones, subject, clip, fps, aud
     frames = max(round(len(samples) / sample_rate * fps), 1)
     positions = np.repeat(stand(completed(bones))[None], frames, axis=0).astype(np.float32)
     made = Clip(
-        subject, clip, float(fps), positions, speech_features(samples, sample_rate, fps=fps, frames=frames),
-        valid=np.zeros(frames, bool), confidence=np.zeros(positions.shape[:2], np.float32), audio=audio_path,
-        sample_rate=int(sample_rate), loudness_lufs=float(integrated_loudness(samples, sample_rate)),
+        subject,
+        clip,
+        float(fps),
+        positions,
+        speech_features(samples, sample_rate, fps=fps, frames=frames),
+        valid=np.zeros(frames, bool),
+        confidence=np.zeros(positions.shape[:2], np.float32),
+        audio=audio_path,
+        sample_rate=int(sample_rate),
+        loudness_lufs=float(integrated_loudness(samples, sample_rate)),
         extra={"refused": reason},
-    )  # fmt: skip
+    )
     none, all_ = (dict.fromkeys(PARTS, share) for share in (0.0, 1.0))
     shares = {key: all_ if key == "excluded" else none for key in SHARES}
     empty = dict.fromkeys(SCALARS, 0.0)

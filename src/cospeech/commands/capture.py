@@ -21,13 +21,19 @@ def add(commands):
 
 def _add_track(commands):
     track = commands.add_parser(
-        "track", help="see what a person does in a film", description=_track.__doc__,
+        "track",
+        help="see what a person does in a film",
+        description=_track.__doc__,
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )  # fmt: skip
+    )
     option = track.add_argument
     option("video", metavar="VIDEO", help="any film that FFmpeg reads")
-    option("--tracker", default="mediapipe", metavar="NAME", help=f"{', '.join(TRACKERS)}; or one a part, as in "
-        "'body=mediapipe,left_hand=onnx,right_hand=onnx'")  # fmt: skip
+    option(
+        "--tracker",
+        default="mediapipe",
+        metavar="NAME",
+        help=f"{', '.join(TRACKERS)}; or one a part, as in 'body=mediapipe,left_hand=onnx,right_hand=onnx'",
+    )
     option("--out", required=True, metavar="FILE.h5", help="track file to write")
     option("--start", type=float, default=0.0, metavar="SECONDS", help="where the take begins in the film")
     option("--end", type=float, metavar="SECONDS", help="where it ends (default: with the film)")
@@ -43,14 +49,20 @@ def _add_track(commands):
 
 def _add_annotate(commands):
     annotate = commands.add_parser(
-        "annotate", help="turn a track and its sound into a clip", description=_annotate.__doc__,
+        "annotate",
+        help="turn a track and its sound into a clip",
+        description=_annotate.__doc__,
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )  # fmt: skip
+    )
     option = annotate.add_argument
     option("track", metavar="TRACK.h5", help="a track, as `cospeech track` writes it")
     option("--audio", metavar="FILE", help="its sound: any sound file, or the film itself (default: none, silence)")
-    option("--audio-start", type=float, metavar="SECONDS", help="where the track begins in FILE (default: where it "
-        "began in the film, if FILE is that film; else 0)")  # fmt: skip
+    option(
+        "--audio-start",
+        type=float,
+        metavar="SECONDS",
+        help="where the track begins in FILE (default: where it began in the film, if FILE is that film; else 0)",
+    )
     option("--out", required=True, metavar="CLIP.h5", help="clip file to write")
     option("--quality", metavar="FILE.h5", help="judgement of the take to write, and a page (.html) beside it")
     option("--subject", default="speaker", metavar="NAME", help="who it is, as the clip will say")
@@ -90,7 +102,7 @@ def _track(options):
         raise CospeechError(f"{options.out}: a track is written as .h5; give a name that ends so")
     film = open_film(options.video, options.start, options.end, options.fps)
     trackers = _trackers(options)
-    bar = lambda pictures: tqdm(pictures, "track", film.frames, unit="frame", disable=not sys.stderr.isatty())  # noqa: E731
+    bar = lambda pictures: tqdm(pictures, "track", film.frames, unit="frame", disable=not sys.stderr.isatty())
     track = run_trackers(film, trackers, bar)
     track.write(options.out)
     shares = ", ".join(f"{part} {points.observed.mean():.0%}" for part, points in track.parts.items())
@@ -112,11 +124,17 @@ def _annotate(options):
     if start is None:
         start = track.start if options.audio and Path(options.audio).name == Path(track.source).name else 0.0
     clip, quality = annotate(
-        track, options.audio, subject=options.subject, clip=out.stem, fps=options.fps, audio_start=start,
+        track,
+        options.audio,
+        subject=options.subject,
+        clip=out.stem,
+        fps=options.fps,
+        audio_start=start,
         audio_path=os.path.relpath(options.audio, out.parent) if options.audio else "",
         bones=read_bones(options.bones) if options.bones else None,
-        face_model=FaceModel.load(options.face_model) if options.face_model else None, name=options.track,
-    )  # fmt: skip
+        face_model=FaceModel.load(options.face_model) if options.face_model else None,
+        name=options.track,
+    )
     clip.write(out)
     if options.quality:
         from cospeech.render.pages.quality_page import write_page
@@ -136,8 +154,10 @@ def _face_model(options):
     model = convert(options.file, units=options.units, landmarks=landmarks, licence=options.licence)
     model.write(options.out)
     identity, expression, marked = model.identity.shape[2], model.expression.shape[2], model.landmarks.max() >= 0
-    print(f"{options.out}: {len(model.mean)} vertices, {identity} of identity, {expression} expressions, "
-          f"{'with' if marked else 'without'} landmarks")  # fmt: skip
+    print(
+        f"{options.out}: {len(model.mean)} vertices, {identity} of identity, {expression} expressions, "
+        f"{'with' if marked else 'without'} landmarks"
+    )
 
 
 def _overlay(options):

@@ -15,11 +15,19 @@ def add(commands):
     render.add_argument("clips", nargs="+", metavar="clip", help="clip files (.h5), drawn side by side")
     render.add_argument("out", help="film to write (.mp4), or picture (.png) with --still")
     render.add_argument("--audio", help="sound of the film (default: the first clip's own)")
-    render.add_argument("--still", metavar="SECONDS", help="one picture: of a moment, as in 3.2, or of a stretch, as "
-        "in 2.0-4.5, whose poses lie over each other like a long exposure")  # fmt: skip
+    render.add_argument(
+        "--still",
+        metavar="SECONDS",
+        help="one picture: of a moment, as in 3.2, or of a stretch, as "
+        "in 2.0-4.5, whose poses lie over each other like a long exposure",
+    )
     render.add_argument("--poses", type=int, default=6, help="how many poses a long exposure shows (default: 6)")
-    render.add_argument("--posture", choices=["standing", "sitting", "none"], default="standing",
-                        help="of the legs, which clips do not have (default: standing)")  # fmt: skip
+    render.add_argument(
+        "--posture",
+        choices=["standing", "sitting", "none"],
+        default="standing",
+        help="of the legs, which clips do not have (default: standing)",
+    )
     render.add_argument("--whole", action="store_true", help="show a standing character down to the floor")
     render.add_argument("--face-model", metavar="FILE", help="the face model whose coefficients the clips have")
     render.set_defaults(run=_render)

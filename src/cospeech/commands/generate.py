@@ -11,9 +11,11 @@ from cospeech.gestures.generator import MODELS, find
 def add(commands):
     """Register the command."""
     generate = commands.add_parser(
-        "generate", help="speech in, gestures out", description=_generate.__doc__,
+        "generate",
+        help="speech in, gestures out",
+        description=_generate.__doc__,
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-    )  # fmt: skip
+    )
     option = generate.add_argument
     option("--subject", metavar="NAME", help="whose gestures: a subject that the workflow has trained")
     option("--model", metavar="MODEL", help=f"{', '.join(MODELS)} (docs/models.md)")
@@ -25,27 +27,61 @@ def add(commands):
     option(
         "--initial", choices=["mean", "random"], help="knn, resync: the pose before the first frame (default: random)"
     )
-    option("--placement", choices=["published", "continued", "any_frame", "any_frame_continued"], help="knn, resync: "
-        "where in the database a window may start (default: any_frame_continued; docs/matching.md)")  # fmt: skip
-    option("--control", action="append", metavar="CONTROL", help="knn, resync: how the hands shall move, and when: "
+    option(
+        "--placement",
+        choices=["published", "continued", "any_frame", "any_frame_continued"],
+        help="knn, resync: where in the database a window may start (default: any_frame_continued; docs/matching.md)",
+    )
+    option(
+        "--control",
+        action="append",
+        metavar="CONTROL",
+        help="knn, resync: how the hands shall move, and when: "
         "'left_wrist_height=high@2.0-5.5', 'strict symmetry=<0.05', 'left_wrist_speed=fast and not reach=low@3-6'; "
-        "several hold together")  # fmt: skip
-    option("--keyword", action="append", metavar="WORD=GESTURE", help="knn, resync: where WORD is spoken, the gesture "
-        "of that tag, as in huge=wide: an entry of --gestures, or else a word of the training takes")  # fmt: skip
+        "several hold together",
+    )
+    option(
+        "--keyword",
+        action="append",
+        metavar="WORD=GESTURE",
+        help="knn, resync: where WORD is spoken, the gesture "
+        "of that tag, as in huge=wide: an entry of --gestures, or else a word of the training takes",
+    )
     option("--gestures", metavar="FILE", help="knn, resync: YAML file of gestures for --keyword (docs/control.md)")
     option("--words", metavar="FILE", help="word times of the speech (default: the .tsv, .TextGrid... beside it)")
     option("--recognize", action="store_true", help="recognise the words of the speech where no file tells them")
-    option("--seams", choices=["off", "blend", "inertialize"], help="knn, resync: what happens where one window of 8 "
-        "frames follows another (default: inertialize; published: off)")  # fmt: skip
-    option("--audio-rank", choices=["plain", "learned"], help="knn, resync: rank matches by how alike the speech "
-        "sounds, as published, or by what fits the motion (default: learned, where it was trained)")  # fmt: skip
-    option("--replace", action="append", default=[], metavar="FRAMES", help="take frames from a clip file at last: "
-        "'3.0-4.5=other.h5@10.2', these seconds from its second 10.2 on; without @ where it joins best")  # fmt: skip
-    option("--list-controls", action="store_true", help="list what can be controlled, with the thresholds of --subject "
-        "if given, and exit")  # fmt: skip
+    option(
+        "--seams",
+        choices=["off", "blend", "inertialize"],
+        help="knn, resync: what happens where one window of 8 "
+        "frames follows another (default: inertialize; published: off)",
+    )
+    option(
+        "--audio-rank",
+        choices=["plain", "learned"],
+        help="knn, resync: rank matches by how alike the speech "
+        "sounds, as published, or by what fits the motion (default: learned, where it was trained)",
+    )
+    option(
+        "--replace",
+        action="append",
+        default=[],
+        metavar="FRAMES",
+        help="take frames from a clip file at last: "
+        "'3.0-4.5=other.h5@10.2', these seconds from its second 10.2 on; without @ where it joins best",
+    )
+    option(
+        "--list-controls",
+        action="store_true",
+        help="list what can be controlled, with the thresholds of --subject if given, and exit",
+    )
     option("--explain", action="store_true", help="knn, resync: tell where every window of 8 frames is from, and why")
-    option("--style", metavar="SPEAKERS", help="ha2g and others of many speakers, whose ensemble is the --subject: "
-        "calm or calm=0.7,lively=0.3 or a file of reference frames or random (default: everyone's manner)")  # fmt: skip
+    option(
+        "--style",
+        metavar="SPEAKERS",
+        help="ha2g and others of many speakers, whose ensemble is the --subject: "
+        "calm or calm=0.7,lively=0.3 or a file of reference frames or random (default: everyone's manner)",
+    )
     option("--smoothing", type=float, metavar="FRAMES", help="sigma of the Gaussian over time (default: as published)")
     option("--threads", type=int, help="CPU threads for the networks (default: all)")
     generate.set_defaults(run=_run)
@@ -93,10 +129,17 @@ def _generate(options):
     generator = load(options.model, folder, options.threads, **rank)
     speech = Speech.load(options.audio, fps, options.words, options.recognize)
     clip = synthesize(
-        generator, speech, subject=options.subject,
-        clip=Path(options.audio).stem, model=options.model, seed=options.seed, smoothing=options.smoothing,
-        audio=str(Path(options.audio).resolve()), replace=options.replace, **chosen,
-    )  # fmt: skip
+        generator,
+        speech,
+        subject=options.subject,
+        clip=Path(options.audio).stem,
+        model=options.model,
+        seed=options.seed,
+        smoothing=options.smoothing,
+        audio=str(Path(options.audio).resolve()),
+        replace=options.replace,
+        **chosen,
+    )
     _write(clip, options.out, speech)
     print(f"{options.out}: {clip.frames} frames, {clip.duration:.2f} s at {clip.fps:g} fps")
     if options.explain:

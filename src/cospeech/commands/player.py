@@ -10,8 +10,12 @@ def add(commands):
     player.add_argument("--out", required=True, metavar="PAGE", help="page to write (.html)")
     player.add_argument("--audio", metavar="FILE", help="sound of the page (default: the first clip's own)")
     player.add_argument("--titles", nargs="+", metavar="TITLE", help="one for each clip (default: who made it)")
-    player.add_argument("--posture", choices=["standing", "sitting", "none"], default="standing",
-                        help="of the legs, which clips do not have (default: standing)")  # fmt: skip
+    player.add_argument(
+        "--posture",
+        choices=["standing", "sitting", "none"],
+        default="standing",
+        help="of the legs, which clips do not have (default: standing)",
+    )
     player.add_argument("--face-model", metavar="FILE", help="the face model whose coefficients the clips have")
     player.add_argument("--no-subtitles", action="store_true", help="leave the words out")
     player.set_defaults(run=_player)
@@ -31,5 +35,11 @@ def _player(options):
     if not sound:
         own = [Path(path).parent / clip.audio for path, clip in zip(options.clips, clips, strict=True) if clip.audio]
         sound = next((str(path) for path in own if path.is_file()), None)
-    write_player(options.out, list(zip(titles, clips, strict=True)), audio=sound, posture=options.posture,
-                 subtitles=not options.no_subtitles, face=options.face_model)  # fmt: skip
+    write_player(
+        options.out,
+        list(zip(titles, clips, strict=True)),
+        audio=sound,
+        posture=options.posture,
+        subtitles=not options.no_subtitles,
+        face=options.face_model,
+    )

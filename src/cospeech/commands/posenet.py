@@ -37,9 +37,15 @@ def _prepare(options):
 
     asked = {name: getattr(options, name) for name in ("every", "subset", "scale", "frame_list")}
     count, dropped = prepare(
-        options.name, options.folder, options.out, part=options.part, correction=options.correction,
-        size=options.size, margin=options.margin, **{name: value for name, value in asked.items() if value is not None},
-    )  # fmt: skip
+        options.name,
+        options.folder,
+        options.out,
+        part=options.part,
+        correction=options.correction,
+        size=options.size,
+        margin=options.margin,
+        **{name: value for name, value in asked.items() if value is not None},
+    )
     print(f"{options.out}: {count} samples of {options.name}")
     for reason, number in dropped.items():
         print(f"  left out {number}: {reason}")
@@ -54,9 +60,12 @@ def _add_predict(actions):
     option("--model", required=True, metavar="FILE", help="network, such as results/posenet/body/model.onnx")
     option("--out", required=True, metavar="FOLDER", help="where pictures, poses.csv and poses.h5 go")
     option(
-        "--box", type=float, nargs=4, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"), help="the person, in pixels of every "
-        "image (default: looked for in the whole image)",
-    )  # fmt: skip
+        "--box",
+        type=float,
+        nargs=4,
+        metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
+        help="the person, in pixels of every image (default: looked for in the whole image)",
+    )
     option("--focal", type=float, metavar="PIXELS", help="focal length (default: an assumed one, the larger side)")
     option("--threads", type=int, help="CPU threads (default: all)")
     predict.set_defaults(run=_predict)

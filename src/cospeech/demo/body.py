@@ -45,7 +45,7 @@ def pose_body(arms, torso, head, shrug, stature):
     lower = _turn(0.5 * torso)
     chest = lower * _turn(0.5 * torso)
     skull = chest * _turn(head)
-    put = lambda name, value: positions.__setitem__((slice(None), UPPER55.index[name]), value)  # noqa: E731
+    put = lambda name, value: positions.__setitem__((slice(None), UPPER55.index[name]), value)
     spine = lower.apply(SPINE * stature)
     neck = spine + chest.apply(NECK * stature)
     put("spine", spine)

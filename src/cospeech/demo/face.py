@@ -26,7 +26,7 @@ def animate_face(speech, prosody, rotation, parameters, fps, rng):
     """(N, 64) expression coefficients, 0..1, for a Speech, its Prosody and the head's rotation (N, 3)."""
     frames, style = len(prosody.loudness), parameters["face"]
     weights = _mouth(speech.phonemes, prosody, frames, fps) * style["mouth"]
-    add = lambda value, *names: np.add.at(weights.T, [COSPEECH64.index(n) for n in names], value)  # noqa: E731
+    add = lambda value, *names: np.add.at(weights.T, [COSPEECH64.index(n) for n in names], value)
     smile = np.clip(style["smile"] * (1 + 0.7 * smooth_noise(frames, 1, 3.0, fps, rng)[:, 0]), 0, 0.5)
     add(smile, "mouth_smile_left", "mouth_smile_right")
     add(0.6 * smile, "cheek_squint_left", "cheek_squint_right", "lid_lower_up_left", "lid_lower_up_right")

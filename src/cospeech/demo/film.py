@@ -92,9 +92,18 @@ def build_set(speaker, take, seed, domain, size=SIZE):
     gain = (rng.uniform(0.85, 1.15) * rng.uniform(0.9, 1.1, 3) if wild else np.ones(3)).astype(np.float32)
     gamma = np.float32(rng.uniform(0.75, 1.15) if wild else 1.0)
     return Set(
-        domain, setting, camera, rotation[0], translation[0], background, light, gain, gamma, 8 if wild else 3,
+        domain,
+        setting,
+        camera,
+        rotation[0],
+        translation[0],
+        background,
+        light,
+        gain,
+        gamma,
+        8 if wild else 3,
         int(rng.integers(1 << 30)),
-    )  # fmt: skip
+    )
 
 
 def draw_take(positions, rotation, expression, stage, speaker):
@@ -136,7 +145,7 @@ def _desk(positions, stage):
     wrists = positions[:, UPPER55.joints("right_wrist", "left_wrist"), 1].min(axis=1)
     top = float(np.clip(np.median(wrists) - DESK_BELOW, -0.05, 0.10))
     wood = np.array([0.42, 0.33, 0.26])
-    at = lambda x, y, z: stage.see(np.array([[x, y, z]]))  # noqa: E731
+    at = lambda x, y, z: stage.see(np.array([[x, y, z]]))
     solids.box(at(0.0, top - 0.02, 0.52), frame, np.array([0.9, 0.02, 0.3]), wood, THING)
     solids.box(at(0.0, top - 0.40, 0.80), frame, np.array([0.9, 0.36, 0.015]), 0.8 * wood, THING)
     return solids.rows()[0]

@@ -77,7 +77,7 @@ def _key(row, shapes, shape=None):
 
 def _stroke(name, entry, gestures, shapes):
     base = gestures[entry["like"]] if "like" in entry else entry
-    apex_on = lambda row: entry.get("shape") if row[0] >= 0 else None  # noqa: E731
+    apex_on = lambda row: entry.get("shape") if row[0] >= 0 else None
     right = [_key(row, shapes, apex_on(row)) for row in base["keys"]]
     left = [_key(row, shapes, apex_on(row)) for row in base.get("left", base["keys"])]
     keys = {"right": np.array([key for _, key in right]), "left": np.array([key for _, key in left])}

@@ -76,12 +76,22 @@ def read_take(truth, wav, *, fps=15.0, subject, clip, audio_path=""):
     frames = len(positions)
     samples, sample_rate = load_audio(wav)
     return Clip(
-        subject, clip, fps, positions.astype(np.float32), speech_features(samples, sample_rate, fps, frames=frames),
-        expression=expression.astype(np.float32), rotation=rotation.astype(np.float32),
-        face_confidence=np.ones(frames, np.float32), face_model=FACE_MODEL, words=words, audio=audio_path,
-        sample_rate=sample_rate, loudness_lufs=float(integrated_loudness(samples, sample_rate)),
-        source=Path(truth).name, source_sha256=sha256(truth),
-    )  # fmt: skip
+        subject,
+        clip,
+        fps,
+        positions.astype(np.float32),
+        speech_features(samples, sample_rate, fps, frames=frames),
+        expression=expression.astype(np.float32),
+        rotation=rotation.astype(np.float32),
+        face_confidence=np.ones(frames, np.float32),
+        face_model=FACE_MODEL,
+        words=words,
+        audio=audio_path,
+        sample_rate=sample_rate,
+        loudness_lufs=float(integrated_loudness(samples, sample_rate)),
+        source=Path(truth).name,
+        source_sha256=sha256(truth),
+    )
 
 
 def read_motion(truth, wav, fps):
@@ -91,7 +101,7 @@ def read_motion(truth, wav, fps):
             raise CospeechError(f"{wav}: not the sound that belongs to {truth}; make both again")
         rate, seconds = float(file.attrs["fps"]), float(file.attrs["seconds"])
         frames = round(seconds * fps)
-        take = lambda name: _resampled(file[name][()].astype(np.float64), rate, fps, frames)  # noqa: E731
+        take = lambda name: _resampled(file[name][()].astype(np.float64), rate, fps, frames)
         positions = with_bone_lengths(take("motion/positions"), bone_lengths(file["motion/positions"][:1]))
         words = Words(file["words/start"][()], file["words/end"][()], list(file["words/text"].asstr()[()]))
         return positions, take("face/rotation"), np.clip(take("face/expression"), 0, 1), words
@@ -135,12 +145,18 @@ def _put_text(file, name, strings):
 def _put_speech(file, speech, prosody):
     words, phonemes = speech.words, speech.phonemes
     for name, array in (
-        ("words/start", words.start), ("words/end", words.end), ("words/sentence", speech.sentence),
-        ("words/emphasized", speech.emphasized), ("words/stressed", prosody.stressed),
-        ("words/accent_time", prosody.accent_time), ("words/accent", prosody.accent),
-        ("phonemes/start", phonemes.start), ("phonemes/end", phonemes.end), ("phonemes/stress", phonemes.stress),
+        ("words/start", words.start),
+        ("words/end", words.end),
+        ("words/sentence", speech.sentence),
+        ("words/emphasized", speech.emphasized),
+        ("words/stressed", prosody.stressed),
+        ("words/accent_time", prosody.accent_time),
+        ("words/accent", prosody.accent),
+        ("phonemes/start", phonemes.start),
+        ("phonemes/end", phonemes.end),
+        ("phonemes/stress", phonemes.stress),
         ("phonemes/word", phonemes.word),
-    ):  # fmt: skip
+    ):
         put(file, name, array)
     _put_text(file, "words/text", words.text)
     _put_text(file, "phonemes/ipa", phonemes.ipa)

@@ -76,10 +76,15 @@ def speak(sentences, voice, seconds):
 def _synthesize(request, voice, seconds):
     import espeakng_loader
 
-    message = json.dumps({
-        "library": espeakng_loader.get_library_path(), "data": espeakng_loader.get_data_path(), "voice": voice,
-        "seconds": seconds, "sentences": request,
-    })  # fmt: skip
+    message = json.dumps(
+        {
+            "library": espeakng_loader.get_library_path(),
+            "data": espeakng_loader.get_data_path(),
+            "voice": voice,
+            "seconds": seconds,
+            "sentences": request,
+        }
+    )
     script = Path(__file__).with_name("espeak.py")
     done = subprocess.run([sys.executable, "-I", str(script)], input=message.encode(), capture_output=True, check=False)
     if done.returncode:
@@ -114,13 +119,18 @@ def _timed(starts, words, events, spoken, rate):
     first = np.array([start[owner == i][0] for i in kept])
     last = np.array([end[owner == i][-1] for i in kept])
     stress = [2 if PRIMARY in text else 1 if SECONDARY in text else 0 for _, _, text in phones]
-    clock = lambda samples: (samples + spoken["offset"]) / rate  # noqa: E731
+    clock = lambda samples: (samples + spoken["offset"]) / rate
     return {
-        "word": [words[i][0] for i in kept], "emphasized": np.array([words[i][1] for i in kept]),
-        "start": clock(first), "end": clock(last),
-        "ipa": [text.strip(PRIMARY + SECONDARY) for _, _, text in phones], "stress": np.array(stress),
-        "from": clock(start), "to": clock(end), "owner": np.where(silent, -1, np.searchsorted(kept, owner)),
-    }  # fmt: skip
+        "word": [words[i][0] for i in kept],
+        "emphasized": np.array([words[i][1] for i in kept]),
+        "start": clock(first),
+        "end": clock(last),
+        "ipa": [text.strip(PRIMARY + SECONDARY) for _, _, text in phones],
+        "stress": np.array(stress),
+        "from": clock(start),
+        "to": clock(end),
+        "owner": np.where(silent, -1, np.searchsorted(kept, owner)),
+    }
 
 
 def _owners(starts, letters, positions, silent):
@@ -144,7 +154,7 @@ def _owners(starts, letters, positions, silent):
 def _joined(parts, samples, rate):
     counts = np.array([len(p["word"]) for p in parts])
     before = np.cumsum(counts) - counts
-    join = lambda key: np.concatenate([p[key] for p in parts])  # noqa: E731
+    join = lambda key: np.concatenate([p[key] for p in parts])
     words = Words(join("start"), join("end"), [w for p in parts for w in p["word"]])
     owner = np.concatenate([np.where(p["owner"] < 0, -1, p["owner"] + n) for p, n in zip(parts, before, strict=True)])
     ipa = [text for p in parts for text in p["ipa"]]

@@ -15,10 +15,14 @@ from cospeech.formats.result_table import number, write_table
 from cospeech.skeleton import BODY, LEFT_HAND, RIGHT_HAND, UPPER55
 
 JOINTS = {
-    "head": ("head", "head_top"), "neck and spine": ("neck", "spine"), "shoulders": ("left_shoulder", "right_shoulder"),
-    "elbows": ("left_elbow", "right_elbow"), "wrists": ("left_wrist", "right_wrist"),
-    "hips": ("left_hip", "right_hip"), "body": tuple(n for n in UPPER55.names[BODY] if n != "pelvis"),
-}  # fmt: skip
+    "head": ("head", "head_top"),
+    "neck and spine": ("neck", "spine"),
+    "shoulders": ("left_shoulder", "right_shoulder"),
+    "elbows": ("left_elbow", "right_elbow"),
+    "wrists": ("left_wrist", "right_wrist"),
+    "hips": ("left_hip", "right_hip"),
+    "body": tuple(n for n in UPPER55.names[BODY] if n != "pelvis"),
+}
 # Components of the expression by how their names begin.
 EXPRESSIONS = {"expression": ("",), "expression: mouth": ("jaw", "mouth"), "expression: jaw_open": ("jaw_open",)}
 MOVED = 0.02  # standard deviation over time from which an expression component counts as moved
@@ -26,10 +30,17 @@ VISIBLE = 1e-3  # metres by which such a component moves some landmark
 MODEL = "knn"  # the generator that learns from both: its motion is the recorded one, so what is lost can be seen in it
 ROWS = ("ground_truth", "mean_pose", "annotation", f"{MODEL}_from_truth", f"{MODEL}_from_films")
 METRICS = (
-    columns.FGD, columns.MOTION_VARIANCE, columns.BEAT_EXCESS, columns.SYNCHRONY, columns.WRIST_SPEED_LEFT,
-    columns.WRIST_SPEED_RIGHT, columns.WRIST_HEIGHT_LEFT, columns.WRIST_HEIGHT_RIGHT, columns.SPEED_HELLINGER,
+    columns.FGD,
+    columns.MOTION_VARIANCE,
+    columns.BEAT_EXCESS,
+    columns.SYNCHRONY,
+    columns.WRIST_SPEED_LEFT,
+    columns.WRIST_SPEED_RIGHT,
+    columns.WRIST_HEIGHT_LEFT,
+    columns.WRIST_HEIGHT_RIGHT,
+    columns.SPEED_HELLINGER,
     columns.JERK,
-)  # fmt: skip
+)
 HEADINGS = ("subject", "part", "unit", "median", "mean", "90th percentile", "excluded [%]")
 
 
@@ -120,8 +131,9 @@ def write_errors(path, errors):
     """The table of {subject: [Error]} as CSV, one line a subject and part; shares in percent, "n/a" where unknown."""
     lines = (
         [subject, e.part, e.unit, *(number(x, 3) for x in (e.median, e.mean, e.high, 100 * e.excluded))]
-        for subject, found in errors.items() for e in found
-    )  # fmt: skip
+        for subject, found in errors.items()
+        for e in found
+    )
     write_table(path, HEADINGS, lines)
 
 

@@ -20,9 +20,15 @@ from cospeech.formats.result_table import mean_and_deviation, write_table
 from cospeech.gestures.baselines import MeanPose, RandomTake, mismatched
 
 COLUMNS = (
-    columns.FGD, columns.FGD_TRAIN, columns.DIVERSITY, columns.MOTION_VARIANCE, columns.BEAT_EXCESS, columns.SYNCHRONY,
-    columns.SPEED_HELLINGER, columns.JERK,
-)  # fmt: skip
+    columns.FGD,
+    columns.FGD_TRAIN,
+    columns.DIVERSITY,
+    columns.MOTION_VARIANCE,
+    columns.BEAT_EXCESS,
+    columns.SYNCHRONY,
+    columns.SPEED_HELLINGER,
+    columns.JERK,
+)
 LIPS, SYNC = columns.LIP_ERROR, columns.JUDGED_IN_SYNC  # kept as attributes of an Evaluation, in mm and as a share
 
 

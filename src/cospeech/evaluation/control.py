@@ -20,9 +20,13 @@ BEFORE = "knn"  # whose motion the refined ones start from
 REFINED = ("resync",)
 FREE = "unconstrained"
 TABLE = (
-    ("left_wrist_height", "high"), ("left_wrist_height", "low"), ("left_wrist_speed", "fast"),
-    ("left_wrist_speed", "slow"), ("symmetry", "asymmetric"), ("symmetry", "symmetric"),
-)  # fmt: skip
+    ("left_wrist_height", "high"),
+    ("left_wrist_height", "low"),
+    ("left_wrist_speed", "fast"),
+    ("left_wrist_speed", "slow"),
+    ("symmetry", "asymmetric"),
+    ("symmetry", "symmetric"),
+)
 
 
 @dataclass
@@ -140,15 +144,26 @@ def control_rows(study):
 def _row(study, signal, level, model):
     threshold, upper = study.thresholds[signal, level], SIGNALS[signal].levels[level]
     values, free = (study.values(model, signal, key).astype(np.float64) for key in (level, FREE))
-    kept = lambda x: float(np.mean(x >= threshold if upper else x <= threshold))  # noqa: E731
+    kept = lambda x: float(np.mean(x >= threshold if upper else x <= threshold))
     change = np.nan
     if model in REFINED:
         change = float(np.abs(values - study.values(BEFORE, signal, level)).mean())
     told, untold = (map(float, mean_and_deviation(x)) for x in (values, free))
     return ControlRow(
-        study.subject, signal, level, SIGNALS[signal].unit, model, threshold, *told, kept(values), change, *untold,
-        kept(free), len(values), len(study.valid),
-    )  # fmt: skip
+        study.subject,
+        signal,
+        level,
+        SIGNALS[signal].unit,
+        model,
+        threshold,
+        *told,
+        kept(values),
+        change,
+        *untold,
+        kept(free),
+        len(values),
+        len(study.valid),
+    )
 
 
 def write_csv(path, rows):

@@ -19,8 +19,13 @@ def generate_clips(generator, truth, row, seed=0, smoothing=None, **options):
     for name, clip in truth.items():
         motion = finished(generator.generate(clip.features, seed=seed, **options), sigma)
         made[name] = replace(
-            clip, positions=motion.positions.astype(np.float32), rotation=motion.rotation,
-            expression=motion.expression, face_model=motion.face_model, generator=row,
-            extra={"seed": seed, "smoothing": sigma}, trace=motion.trace,
-        )  # fmt: skip
+            clip,
+            positions=motion.positions.astype(np.float32),
+            rotation=motion.rotation,
+            expression=motion.expression,
+            face_model=motion.face_model,
+            generator=row,
+            extra={"seed": seed, "smoothing": sigma},
+            trace=motion.trace,
+        )
     return made

@@ -83,7 +83,7 @@ def write_csv(path, evaluations, metrics=tuple(METRICS), rows=None, first=FIRST,
         lines = [line for row in rows for line in lines if line.row == row]
     if metrics is None:
         metrics = list(dict.fromkeys(name for line in lines for name in line.mean))
-    shown = lambda line, name: (rows or {}).get(line.row, line.row) if name == "row" else getattr(line, name)  # noqa: E731
+    shown = lambda line, name: (rows or {}).get(line.row, line.row) if name == "row" else getattr(line, name)
     write_table(
         path,
         [*first, *(heading for name in metrics for heading in headings(name))],

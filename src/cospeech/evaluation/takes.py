@@ -86,21 +86,31 @@ class Take:
         if onsets is not None:
             inside = (onsets >= start / self.fps) & (onsets < stop / self.fps)
             onsets = onsets[inside] - start / self.fps
-        part = lambda x: None if x is None else x[start:stop]  # noqa: E731
+        part = lambda x: None if x is None else x[start:stop]
         return replace(
-            self, positions=part(self.positions), features=part(self.features), valid=part(self.valid), onsets=onsets,
-            rotation=part(self.rotation), recorded=part(self.recorded), borders=part(self.borders),
+            self,
+            positions=part(self.positions),
+            features=part(self.features),
+            valid=part(self.valid),
+            onsets=onsets,
+            rotation=part(self.rotation),
+            recorded=part(self.recorded),
+            borders=part(self.borders),
             sound=None if self.sound is None else self.sound.cut(start, stop, self.fps),
-        )  # fmt: skip
+        )
 
     def with_speech_of(self, other):
         """This motion under another take's speech, as long as the shorter of the two."""
         frames = min(len(self.positions), len(other.positions))
         own, speech = self.cut(0, frames), other.cut(0, frames)
         return replace(
-            own, features=speech.features, onsets=speech.onsets, valid=own.valid & speech.valid,
-            recorded=speech.recorded, sound=other.sound,
-        )  # fmt: skip
+            own,
+            features=speech.features,
+            onsets=speech.onsets,
+            valid=own.valid & speech.valid,
+            recorded=speech.recorded,
+            sound=other.sound,
+        )
 
     def pieces(self):
         """Its `stretches` as Takes."""

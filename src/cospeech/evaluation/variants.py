@@ -29,9 +29,14 @@ LABELS = (
     | {name: MODELS[name].label for name in SEARCHING}
 )
 METRICS = (
-    columns.FGD, columns.FGD_TRAIN, columns.MOTION_VARIANCE, columns.BEAT_CONSISTENCY, columns.BEAT_EXCESS,
-    columns.BEAT_RATE, columns.SYNCHRONY,
-)  # fmt: skip
+    columns.FGD,
+    columns.FGD_TRAIN,
+    columns.MOTION_VARIANCE,
+    columns.BEAT_CONSISTENCY,
+    columns.BEAT_EXCESS,
+    columns.BEAT_RATE,
+    columns.SYNCHRONY,
+)
 
 
 def evaluate_variants(knn, clips, reference, seed=0):
@@ -50,6 +55,6 @@ def evaluate_variants(knn, clips, reference, seed=0):
 def ordered(evaluations):
     """Evaluations in the order of Table 5.4 within each subject: baselines, other models, k-NN's variants, resync."""
     known = list(LABELS)
-    rank = lambda row: known.index(row) if row in known else len(BASELINES) - 0.5  # noqa: E731
+    rank = lambda row: known.index(row) if row in known else len(BASELINES) - 0.5
     subjects = list(dict.fromkeys(e.subject for e in evaluations))
     return sorted(evaluations, key=lambda e: (subjects.index(e.subject), rank(e.row)))

@@ -69,9 +69,7 @@ def bases(face, points, numbers, expressions):
     """Identity (V, 3, I) and expression (V, 3, E) displacements in millimetres of `points` (V, 3)."""
     masks = Masks(face, points)
     identity = [_both_sides(entry, masks, numbers) for entry in numbers["identity"].values()]
-    return np.stack(identity, axis=-1), np.stack(
-        [_expression(name, masks, numbers) for name in expressions], axis=-1
-    )  # fmt: skip
+    return np.stack(identity, axis=-1), np.stack([_expression(name, masks, numbers) for name in expressions], axis=-1)
 
 
 def _expression(name, masks, numbers):

@@ -50,10 +50,14 @@ def arguments(path, *, units=None, landmarks=None, licence=""):
     points = _landmarks(found["landmarks"] if landmarks is None else landmarks, "meanshape" in arrays, path)
     note = licence or "the terms of its owner hold for every file made from it; ask before giving any on"
     return {
-        "name": path.stem, "mean": mean * scale, **bases, "triangles": _triangles(found["triangles"]),
-        "landmarks": points, "lips": np.unique(points[LIPS][points[LIPS] >= 0]),
+        "name": path.stem,
+        "mean": mean * scale,
+        **bases,
+        "triangles": _triangles(found["triangles"]),
+        "landmarks": points,
+        "lips": np.unique(points[LIPS][points[LIPS] >= 0]),
         "licence_note": f"face model {path.name} (sha256 {sha256(path)[:12]}): {note}",
-    }  # fmt: skip
+    }
 
 
 def read_landmarks(path):

@@ -74,9 +74,12 @@ class FaceModel:
         """CospeechError, naming the array, unless all shapes and indices agree."""
         count = len(self.mean)
         shapes = {
-            "mean": (count, 3), "identity": (count, 3, self.identity.shape[-1]), "landmarks": (LANDMARKS,),
-            "expression": (count, 3, self.expression.shape[-1]), "triangles": (len(self.triangles), 3),
-        }  # fmt: skip
+            "mean": (count, 3),
+            "identity": (count, 3, self.identity.shape[-1]),
+            "landmarks": (LANDMARKS,),
+            "expression": (count, 3, self.expression.shape[-1]),
+            "triangles": (len(self.triangles), 3),
+        }
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape:
@@ -91,8 +94,13 @@ class FaceModel:
 
     def write(self, path):
         """Write as HDF5 (schema `cospeech.face_model`, version 1)."""
-        head = {"name": self.name, "units": "m", "axes": "x left, y up, z forward", "bounded": self.bounded,
-                "licence_note": self.licence_note}  # fmt: skip
+        head = {
+            "name": self.name,
+            "units": "m",
+            "axes": "x left, y up, z forward",
+            "bounded": self.bounded,
+            "licence_note": self.licence_note,
+        }
         with writing_hdf5(path, SCHEMA, **head) as file:
             for key in ARRAYS:
                 put(file, key, getattr(self, key))
@@ -137,23 +145,47 @@ def embedded():
     face = sketch(numbers)
     points = np.concatenate(face.points)
     identity, expression = bases(face, points, numbers, COSPEECH64)
-    metres = lambda array: np.ascontiguousarray(array, np.float64) / 1000  # noqa: E731
+    metres = lambda array: np.ascontiguousarray(array, np.float64) / 1000
     return FaceModel(
-        EMBEDDED, metres(points), metres(identity), metres(expression), np.concatenate(face.triangles).astype(np.int32),
-        _landmarks(face.strokes), np.array(face.regions["lips"]),
-        irises=np.concatenate([face.strokes["right_iris"], face.strokes["left_iris"]]), expression_names=COSPEECH64,
-        identity_names=tuple(numbers["identity"]), bounded=True,
+        EMBEDDED,
+        metres(points),
+        metres(identity),
+        metres(expression),
+        np.concatenate(face.triangles).astype(np.int32),
+        _landmarks(face.strokes),
+        np.array(face.regions["lips"]),
+        irises=np.concatenate([face.strokes["right_iris"], face.strokes["left_iris"]]),
+        expression_names=COSPEECH64,
+        identity_names=tuple(numbers["identity"]),
+        bounded=True,
         regions={name: np.array(vertices) for name, vertices in face.regions.items()},
-    ).validate("the embedded face model")  # fmt: skip
+    ).validate("the embedded face model")
 
 
 def _landmarks(strokes):
     """(68,) the strokes' vertices in iBUG's order, which goes from the face's right to its left."""
     arc, inner = [0, 4, 8, 12], [0, 4, 6, 8, 12]
-    lids = [strokes["right_upper_lid"][arc], strokes["right_lower_lid"][[7, 3]],
-            strokes["left_upper_lid"][arc], strokes["left_lower_lid"][[7, 3]]]  # fmt: skip
+    lids = [
+        strokes["right_upper_lid"][arc],
+        strokes["right_lower_lid"][[7, 3]],
+        strokes["left_upper_lid"][arc],
+        strokes["left_lower_lid"][[7, 3]],
+    ]
     outer, lower = strokes["upper_lip_outer"], strokes["lower_lip_outer"]
-    mouth = [outer[[0, 2, 4, 6, 8, 10, 12]], lower[[9, 7, 5, 3, 1]],
-             strokes["upper_lip_inner"][inner], strokes["lower_lip_inner"][[7, 5, 3]]]  # fmt: skip
-    return np.concatenate([strokes["jaw"], strokes["right_brow"], strokes["left_brow"], strokes["bridge"],
-                           strokes["nostrils"], *lids, *mouth])  # fmt: skip
+    mouth = [
+        outer[[0, 2, 4, 6, 8, 10, 12]],
+        lower[[9, 7, 5, 3, 1]],
+        strokes["upper_lip_inner"][inner],
+        strokes["lower_lip_inner"][[7, 5, 3]],
+    ]
+    return np.concatenate(
+        [
+            strokes["jaw"],
+            strokes["right_brow"],
+            strokes["left_brow"],
+            strokes["bridge"],
+            strokes["nostrils"],
+            *lids,
+            *mouth,
+        ]
+    )

@@ -72,8 +72,11 @@ def sketch(numbers):
     return face
 
 
-HOLES = [("upper_lip_inner", "lower_lip_inner"), ("left_upper_lid", "left_lower_lid"),
-         ("right_upper_lid", "right_lower_lid")]  # fmt: skip
+HOLES = [
+    ("upper_lip_inner", "lower_lip_inner"),
+    ("left_upper_lid", "left_lower_lid"),
+    ("right_upper_lid", "right_lower_lid"),
+]
 
 
 def raise_skin(flat, numbers):
@@ -134,8 +137,10 @@ def _strokes(numbers):
             whole = np.concatenate([points, points[-2::-1] * flip])
             dense = _curve(whole, np.linspace(whole[0, 0], whole[-1, 0], ARC) * 1.0)
             strokes[f"{lip}_{key}"] = dense if lip == "upper_lip" else dense[1:-1]
-        halfway = (_curve(np.concatenate([rings["outer"], rings["outer"][-2::-1] * flip]), MIDDLE)
-                   + _curve(np.concatenate([rings["inner"], rings["inner"][-2::-1] * flip]), MIDDLE)) / 2  # fmt: skip
+        halfway = (
+            _curve(np.concatenate([rings["outer"], rings["outer"][-2::-1] * flip]), MIDDLE)
+            + _curve(np.concatenate([rings["inner"], rings["inner"][-2::-1] * flip]), MIDDLE)
+        ) / 2
         strokes[f"{lip}_middle"] = halfway
     return {name: points if name == "jaw" else _flat(points, numbers) for name, points in strokes.items()}
 
@@ -201,8 +206,12 @@ def _eyeball(face, side, numbers):
     """The front of an eyeball: its first vertex is the middle of the iris; rings of 14 around it."""
     name, rings, around = ("left" if side > 0 else "right"), np.radians([14, 27, 45, 65, 85]), 14
     angle = np.arange(around) * 2 * np.pi / around
-    ring = np.stack(np.broadcast_arrays(np.sin(rings)[:, None] * np.cos(angle), np.sin(rings)[:, None] * np.sin(angle),
-                                        np.cos(rings)[:, None]), axis=-1).reshape(-1, 3)  # fmt: skip
+    ring = np.stack(
+        np.broadcast_arrays(
+            np.sin(rings)[:, None] * np.cos(angle), np.sin(rings)[:, None] * np.sin(angle), np.cos(rings)[:, None]
+        ),
+        axis=-1,
+    ).reshape(-1, 3)
     points = np.concatenate([[[0.0, 0.0, 1.0]], ring]) * EYEBALL + eye_center(side, numbers)
     fan = [[0, i + 1, (i + 1) % around + 1] for i in range(around)]
     first = face.add(f"{name}_eye", points, [*fan, *(_grid(len(rings), around, closed=True) + 1)])

@@ -81,9 +81,12 @@ def start(basis, marks, identity=None):
     identity = np.zeros(basis.identity.shape[-1]) if identity is None else identity
     rest = basis.mean + basis.identity @ identity
     state = State(
-        np.zeros((frames, basis.expression.shape[-1])), np.tile(np.eye(3), (frames, 1, 1)), np.zeros((frames, 3)),
-        np.zeros(frames), identity,
-    )  # fmt: skip
+        np.zeros((frames, basis.expression.shape[-1])),
+        np.tile(np.eye(3), (frames, 1, 1)),
+        np.zeros((frames, 3)),
+        np.zeros(frames),
+        identity,
+    )
     if not seen.any():
         return state
     pose = _affine(rest, marks, seen) if marks.mode == "pinhole" else _similarity(rest, marks, seen)
@@ -135,13 +138,19 @@ def predict(basis, marks, state, own=True, shared=True):
     )
     turned = points @ np.swapaxes(state.rotation, 1, 2)
     scale = np.exp(state.log_scale)[:, None, None]
-    placed = scale * turned + state.translation[:, None] if marks.mode != "pinhole" else (
-        turned * AXES + state.translation[:, None])  # fmt: skip
+    placed = (
+        scale * turned + state.translation[:, None]
+        if marks.mode != "pinhole"
+        else (turned * AXES + state.translation[:, None])
+    )
     project, predicted = _project(marks, placed)
     if not own:
         return predicted, None, None
-    outer = scale[..., None] * state.rotation[:, None] if marks.mode != "pinhole" else (
-        AXES[:, None] * state.rotation[:, None])  # fmt: skip
+    outer = (
+        scale[..., None] * state.rotation[:, None]
+        if marks.mode != "pinhole"
+        else (AXES[:, None] * state.rotation[:, None])
+    )
     if project is not None:
         outer = project @ outer
     x, y, z = np.moveaxis(scale * turned, -1, 0) if marks.mode != "pinhole" else np.moveaxis(turned, -1, 0)
@@ -215,8 +224,12 @@ def step(state, change):
 def differences(state, count):
     """(F - 1, n) by how much each unknown changes from frame to frame."""
     turn = state.rotation[1:] @ np.swapaxes(state.rotation[:-1], 1, 2)
-    parts = [np.diff(state.expression, axis=0), Rotation.from_matrix(turn).as_rotvec(),
-             np.diff(state.translation, axis=0), np.diff(state.log_scale)[:, None]]  # fmt: skip
+    parts = [
+        np.diff(state.expression, axis=0),
+        Rotation.from_matrix(turn).as_rotvec(),
+        np.diff(state.translation, axis=0),
+        np.diff(state.log_scale)[:, None],
+    ]
     return np.concatenate(parts, axis=1)[:, :count]
 
 
@@ -235,5 +248,6 @@ def smoothed_step(matrix, gradient, change, smoothness, linked):
     row, column = np.tril_indices(n)
     band[row - column, :, column] = matrix[:, row, column].T
     band[n, :-1] = -tie
-    return solveh_banded(band.reshape(n + 1, -1), gradient.ravel(), lower=True, overwrite_ab=True,
-                         check_finite=False).reshape(frames, n)  # fmt: skip
+    return solveh_banded(
+        band.reshape(n + 1, -1), gradient.ravel(), lower=True, overwrite_ab=True, check_finite=False
+    ).reshape(frames, n)

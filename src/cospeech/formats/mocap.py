@@ -32,9 +32,21 @@ class ConvertedMotion:
 
 
 def read_mocap_take(
-    motion, audio, skeleton=None, *, subject, clip, fps=15.0, start=0.0, end=None, words=None, units=None, up=None,
-    audio_path="", body_model=None,
-):  # fmt: skip
+    motion,
+    audio,
+    skeleton=None,
+    *,
+    subject,
+    clip,
+    fps=15.0,
+    start=0.0,
+    end=None,
+    words=None,
+    units=None,
+    up=None,
+    audio_path="",
+    body_model=None,
+):
     """One take of motion capture as a `Clip`.
 
     motion: BVH, or SMPL-X parameters (.npz), whichever it holds; audio: any sound file that starts with it; skeleton:
@@ -60,12 +72,22 @@ def read_mocap_take(
     samples, rate = load_audio(audio, start=start, end=min(end, seconds))
     spoken = read_words(words, Path(audio).stem, seconds) if words else find_words(audio, seconds)
     return Clip(
-        subject, clip, float(fps), converted.positions.astype(np.float32),
-        speech_features(samples, rate, fps=fps, frames=frames), confidence=converted.confidence.astype(np.float32),
-        root=converted.root.astype(np.float32), rotation=converted.rotation.astype(np.float32), valid=share > 0,
-        words=cut_words(spoken or Words.none(), start, end), audio=audio_path, sample_rate=rate,
-        loudness_lufs=integrated_loudness(samples, rate), source=Path(motion).name, source_sha256=sha256(motion),
-    ).validate(motion)  # fmt: skip
+        subject,
+        clip,
+        float(fps),
+        converted.positions.astype(np.float32),
+        speech_features(samples, rate, fps=fps, frames=frames),
+        confidence=converted.confidence.astype(np.float32),
+        root=converted.root.astype(np.float32),
+        rotation=converted.rotation.astype(np.float32),
+        valid=share > 0,
+        words=cut_words(spoken or Words.none(), start, end),
+        audio=audio_path,
+        sample_rate=rate,
+        loudness_lufs=integrated_loudness(samples, rate),
+        source=Path(motion).name,
+        source_sha256=sha256(motion),
+    ).validate(motion)
 
 
 def read_motion(motion, skeleton=None, body_model=None):

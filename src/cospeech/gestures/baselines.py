@@ -47,10 +47,11 @@ class Stretches:
         models = {clip.face_model for clip in clips}
         self.face_model = models.pop() if len(models) == 1 else ""
         self.names = ["positions"] + [
-            name for name in ("rotation", "expression")
+            name
+            for name in ("rotation", "expression")
             if all(getattr(motion, name) is not None for motion in self.motions)
             and (name != "expression" or self.face_model)
-        ]  # fmt: skip
+        ]
 
     @classmethod
     def load(cls, name, folder, threads=None):

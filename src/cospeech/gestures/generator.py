@@ -297,11 +297,12 @@ COMPARISONS = {
 def named(*, learns=None, trained=None, needs=None):
     """Names in `MODELS`, in order: of those that learn so, that are trained or not, that need this."""
     return [
-        name for name, model in MODELS.items()
+        name
+        for name, model in MODELS.items()
         if (learns is None or model.learns == learns)
         and (trained is None or bool(model.task) == trained)
         and (needs is None or needs in model.needs)
-    ]  # fmt: skip
+    ]
 
 
 def find(name):

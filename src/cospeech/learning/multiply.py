@@ -39,8 +39,8 @@ def _tile(builder, first, rows, queries, products, lanes, vectors):
     """Emit the loop over the dimensions, and the stores behind it."""
     vector = ir.VectorType(FLOAT, lanes)
     width = cgutils.unpack_tuple(builder, rows.shape)[1]
-    index = lambda row, step, column: builder.add(builder.mul(row, step), column)  # noqa: E731
-    at = lambda array, place: builder.gep(array.data, [place])  # noqa: E731
+    index = lambda row, step, column: builder.add(builder.mul(row, step), column)
+    at = lambda array, place: builder.gep(array.data, [place])
     pieces = [INDEX(v * lanes) for v in range(vectors)]
     stride = INDEX(lanes * vectors)
     before, loop, after = builder.block, builder.append_basic_block("loop"), builder.append_basic_block("after")

@@ -189,9 +189,12 @@ class Recurrence(torch.autograd.Function):
         rows = gates.view(-1, len(of_inputs))
         back = rows @ of_inputs
         return (
-            back.view_as(x), rows.T @ x.flatten(0, 1), _of_state_weights(states, gates, hidden),
-            biases[:, :3], biases[:, [0, 1, 3]],
-        )  # fmt: skip
+            back.view_as(x),
+            rows.T @ x.flatten(0, 1),
+            _of_state_weights(states, gates, hidden),
+            biases[:, :3],
+            biases[:, [0, 1, 3]],
+        )
 
 
 def _of_state_weights(states, gates, hidden):

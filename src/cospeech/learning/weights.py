@@ -107,9 +107,14 @@ def export_onnx(module, path, inputs, outputs, description, *, sequences=True):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the exporter's remarks on its own API and on names of shared axes
         program = torch.onnx.export(
-            module.eval(), tuple(inputs.values()), input_names=list(inputs), output_names=list(outputs),
-            dynamic_shapes=shapes, dynamo=True, verbose=False,
-        )  # fmt: skip
+            module.eval(),
+            tuple(inputs.values()),
+            input_names=list(inputs),
+            output_names=list(outputs),
+            dynamic_shapes=shapes,
+            dynamo=True,
+            verbose=False,
+        )
     model = program.model_proto
     for node in (*model.graph.node, *model.graph.value_info, *(n for f in model.functions for n in f.node)):
         del node.metadata_props[:]  # the exporter's stack traces hold this machine's paths

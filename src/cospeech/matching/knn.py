@@ -41,9 +41,20 @@ class KNN:
         return cls(database_of(folder, audio_rank), **DEFAULTS)
 
     def match(
-        self, features, *, seed=0, k=1, initial="random", mask=None, exclude_take=None, variant="pose", controls=(),
-        words=None, gestures=None, placement=None,
-    ):  # fmt: skip
+        self,
+        features,
+        *,
+        seed=0,
+        k=1,
+        initial="random",
+        mask=None,
+        exclude_take=None,
+        variant="pose",
+        controls=(),
+        words=None,
+        gestures=None,
+        placement=None,
+    ):
         """(T, 28) speech features -> `Match`: clip, frame, take and time of every window. Options: `Matcher.search`.
 
         It starts from the pose of a random frame, as all published runs do. With `controls` (see

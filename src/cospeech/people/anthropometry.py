@@ -33,7 +33,7 @@ class Build:
 
     def __getitem__(self, chosen):
         """The people at an index array."""
-        pick = lambda x: {k: v[chosen] for k, v in x.items()} if isinstance(x, dict) else x[chosen]  # noqa: E731
+        pick = lambda x: {k: v[chosen] for k, v in x.items()} if isinstance(x, dict) else x[chosen]
         return Build(*(pick(getattr(self, f.name)) for f in fields(self)))
 
 
@@ -44,7 +44,7 @@ def draw_build(dice, children=0.0):
     mean, deviation = np.where(female[:, None], TABLE["stature"]["female"], TABLE["stature"]["male"]).T
     stature = dice.normal(mean, deviation) * np.interp(age, *np.transpose(TABLE["child"]))
     factor = {name: np.where(female, value, 1.0) for name, value in TABLE["female"].items()}
-    own = lambda: dice.normal(1, TABLE["deviation"])  # noqa: E731
+    own = lambda: dice.normal(1, TABLE["deviation"])
     lengths = {name: share * stature * own() * factor.get(name, 1) for name, share in TABLE["lengths"].items()}
     lengths["head"] *= np.interp(age, [7, 17], [1.22, 1.0])  # a child's head is nearly grown
     offsets = {name: np.multiply.outer(stature * own(), share) for name, share in TABLE["offsets"].items()}

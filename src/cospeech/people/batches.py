@@ -118,9 +118,12 @@ def draw_people(block, domain, part, size, margin, seed, attempt=0):
         around.append(scenes.bystanders(dice, rows, view))
     points = view.see(points)
     tags = {
-        "domain": np.full(BLOCK, domain), "framing": np.array(views.FRAMINGS)[framing], "subject": subject,
-        "posture": np.array(list(POSTURES))[pose.posture], "activity": np.array(list(ARMS))[pose.arm],
-    }  # fmt: skip
+        "domain": np.full(BLOCK, domain),
+        "framing": np.array(views.FRAMINGS)[framing],
+        "subject": subject,
+        "posture": np.array(list(POSTURES))[pose.posture],
+        "activity": np.array(list(ARMS))[pose.arm],
+    }
     if part != "body":
         tags["framing"] = np.full(BLOCK, "close")
     return People(bodies, view, points, view.project(points), np.concatenate(around, axis=1), lights, tags, dice)
@@ -177,9 +180,14 @@ def photograph_people(people, chosen, domain, part, size):
     tags["occluded"] = np.where(hidden.any(axis=1), "yes", "no")
     tags["truncated"] = np.where(inside.all(axis=1), "no", "yes")
     return Batch(
-        images, np.where(visible[..., None], pixels, 0).astype(np.float32), visible,
-        (points * 1000).astype(np.float32), np.full(len(chosen), domain == "studio"), masks, tags,
-    )  # fmt: skip
+        images,
+        np.where(visible[..., None], pixels, 0).astype(np.float32),
+        visible,
+        (points * 1000).astype(np.float32),
+        np.full(len(chosen), domain == "studio"),
+        masks,
+        tags,
+    )
 
 
 def _photograph(people, i, domain, size):

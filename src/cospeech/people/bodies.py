@@ -56,7 +56,7 @@ def _trunk(solids, bodies, materials, scale):
     wide = np.linalg.norm(shoulders, axis=1) / 0.35
     flat = np.stack([left, up, 1.42 * forward], axis=1)
     cloth = {"color2": materials.top2, "pattern": materials.pattern, "period": materials.period}
-    at = lambda start, rise: start + up * (rise * scale)[:, None]  # noqa: E731
+    at = lambda start, rise: start + up * (rise * scale)[:, None]
     hip = np.where(bodies.female, 1.08, 1.0) * girth
     waist = np.where(bodies.female, 0.122, 0.138) * girth
     chest = 0.150 * wide * np.sqrt(bodies.girth)
@@ -133,7 +133,7 @@ def _leg(solids, j, materials, scale, side):
 def _hand(solids, j, materials, side):
     """Palm, five fingers of three bones and their nails; the palm's side is paler than the back."""
     part, sign = f"{side}_hand", -1 if side == "right" else 1
-    joint = lambda name: j(f"{side}_{name}")  # noqa: E731
+    joint = lambda name: j(f"{side}_{name}")
     root, first = joint("hand_root"), {finger: joint(f"{finger}_0") for finger in (*LONG_FINGERS, "thumb")}
     scale = np.linalg.norm(first["middle"] - root, axis=1) / 0.088
     palm = sign * unit(np.cross(first["middle"] - root, first["index"] - first["little"]))

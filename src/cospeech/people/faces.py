@@ -11,11 +11,35 @@ from cospeech.files import read_yaml
 TABLE = read_yaml(files("cospeech.people") / "faces.yaml")
 HEIGHT = 0.224  # metres, chin to crown, of the head that the table describes
 # Each landmark's counterpart when left and right are swapped.
-TWIN = np.array([
-    *range(16, -1, -1), *range(26, 16, -1), *range(27, 31), *range(35, 30, -1), 45, 44, 43, 42, 47, 46, 39, 38, 37, 36,
-    41, 40, *range(54, 47, -1), *range(59, 54, -1), *range(64, 59, -1), *range(67, 64, -1),
-    *range(81, 94), *range(68, 81), 94, 95, 96,
-])  # fmt: skip
+TWIN = np.array(
+    [
+        *range(16, -1, -1),
+        *range(26, 16, -1),
+        *range(27, 31),
+        *range(35, 30, -1),
+        45,
+        44,
+        43,
+        42,
+        47,
+        46,
+        39,
+        38,
+        37,
+        36,
+        41,
+        40,
+        *range(54, 47, -1),
+        *range(59, 54, -1),
+        *range(64, 59, -1),
+        *range(67, 64, -1),
+        *range(81, 94),
+        *range(68, 81),
+        94,
+        95,
+        96,
+    ]
+)
 
 
 def _neutral():
@@ -82,7 +106,7 @@ def skin(face, expression):
 
 def gaze(expression):
     """(N, 2, 2): how far the right and the left eye look to the person's left and up, -1 to 1."""
-    value = lambda name: expression[:, COSPEECH64.index(name)]  # noqa: E731
+    value = lambda name: expression[:, COSPEECH64.index(name)]
     gazes = []
     for side, sign in (("right", -1), ("left", 1)):
         aside = sign * (value(f"eye_look_out_{side}") - value(f"eye_look_in_{side}"))
@@ -93,13 +117,16 @@ def gaze(expression):
 def draw_expression(dice):
     """Coefficients (N, 64) of people who talk, smile, frown, look about and blink."""
     weights = np.zeros((len(dice), len(COSPEECH64)))
-    put = lambda value, *names: weights.__setitem__(  # noqa: E731
+    put = lambda value, *names: weights.__setitem__(
         (slice(None), [COSPEECH64.index(n) for n in names]), np.reshape(value, (len(dice), -1))
     )
-    sides = lambda name: (f"{name}_right", f"{name}_left")  # noqa: E731
+    sides = lambda name: (f"{name}_right", f"{name}_left")
     shape = dice.choice([3, 2, 2, 1.2, 1.2, 1.5])  # closed, talking open, wide open or ee, pucker, funnel, closed smile
-    put(np.select([shape == 0, shape == 1, shape == 2], [0.03, dice.uniform(0.1, 0.55), dice.uniform(0.2, 0.9)], 0.15)
-        * dice.uniform(0.3, 1.0), "jaw_open")  # fmt: skip
+    put(
+        np.select([shape == 0, shape == 1, shape == 2], [0.03, dice.uniform(0.1, 0.55), dice.uniform(0.2, 0.9)], 0.15)
+        * dice.uniform(0.3, 1.0),
+        "jaw_open",
+    )
     put((shape == 3) * dice.uniform(0.4, 1), "mouth_pucker")
     put((shape == 4) * dice.uniform(0.4, 1), "mouth_funnel")
     smile = (dice.chance(0.3) | (shape == 5)) * dice.uniform(0.2, 1.0)

@@ -43,7 +43,7 @@ class Arm:
 
     def where(self, condition, other):
         """This arm where the condition (N,) holds, else the other."""
-        choose = lambda a, b: np.where(condition[:, None], a, b)  # noqa: E731
+        choose = lambda a, b: np.where(condition[:, None], a, b)
         return Arm(*(choose(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)))
 
 
@@ -61,9 +61,10 @@ def draw_pose(dice, presenting=False, lively_hands=0.0):
     second, _ = _draw_arm(dice, seated, lively_hands)
     both = dice.chance(_column(ARMS, "both")[kind])
     twin = Arm(
-        dice.normal(first.wrist, 0.04, count=3), dice.normal(first.turn, 6, count=4),
+        dice.normal(first.wrist, 0.04, count=3),
+        dice.normal(first.turn, 6, count=4),
         np.clip(dice.normal(first.shape, 0.06, count=8), -0.05, 1),
-    )  # fmt: skip
+    )
     second = twin.where(both, second)
     swap = dice.chance(0.5)
     arms = {"right": first.where(swap, second), "left": second.where(swap, first)}
@@ -114,7 +115,7 @@ def _draw_legs(dice, posture):
 def pose_people(build, pose):
     """Joints (N, 61, 3) and the head's axes (N, 3, 3), columns left, up, forward, of people in a pose."""
     joints = np.zeros((len(build.stature), len(JOINTS61), 3))
-    put = lambda name, value: joints.__setitem__((slice(None), INDEX[name]), value)  # noqa: E731
+    put = lambda name, value: joints.__setitem__((slice(None), INDEX[name]), value)
     lower, offset = _turn(0.5 * pose.trunk), build.offsets
     chest = lower * _turn(0.5 * pose.trunk)
     skull = chest * _turn(pose.head)
@@ -148,7 +149,7 @@ def _leg(angles, sign, lengths):
     thigh = Rotation.from_euler("ZXY", np.stack([sign * aside, -flexion, sign * turn], axis=1), degrees=True)
     shank = thigh * Rotation.from_euler("X", knee[:, None], degrees=True)
     foot = shank * Rotation.from_euler("X", ankle[:, None], degrees=True)
-    down = lambda name: lengths[name][:, None] * [0.0, -1.0, 0.0]  # noqa: E731
+    down = lambda name: lengths[name][:, None] * [0.0, -1.0, 0.0]
     at_knee = thigh.apply(down("thigh"))
     at_ankle = at_knee + shank.apply(down("shank"))
     toe = np.stack([0 * flexion, -lengths["foot_height"], lengths["foot"]], axis=1)

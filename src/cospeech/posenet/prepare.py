@@ -35,10 +35,16 @@ def prepare(name, folder, out, *, part="body", correction="full", size=256, marg
         raise CospeechError(f"{name}: has no {part} to prepare; it is a data set of the {dataset.part}")
     samples = tqdm(dataset, name, unit=" samples", disable=not progress)
     count = write_store(
-        out, crops(samples, part, dataset.dropped, round(size * margin), margin, correction), part=part, source=name,
-        margin=margin, licence_note=dataset.licence_note, dropped=dataset.dropped, correction=correction,
+        out,
+        crops(samples, part, dataset.dropped, round(size * margin), margin, correction),
+        part=part,
+        source=name,
+        margin=margin,
+        licence_note=dataset.licence_note,
+        dropped=dataset.dropped,
+        correction=correction,
         **{key: str(value) for key, value in options.items()},
-    )  # fmt: skip
+    )
     return count, {reason: number for reason, number in dataset.dropped.most_common() if number}
 
 

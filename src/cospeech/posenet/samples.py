@@ -54,5 +54,5 @@ class Batch:
 
     def __getitem__(self, chosen):
         """The samples at an index array or slice, as a Batch."""
-        pick = lambda x: {k: v[chosen] for k, v in x.items()} if isinstance(x, dict) else x if x is None else x[chosen]  # noqa: E731
+        pick = lambda x: {k: v[chosen] for k, v in x.items()} if isinstance(x, dict) else x if x is None else x[chosen]
         return Batch(*(pick(getattr(self, f.name)) for f in fields(self)))

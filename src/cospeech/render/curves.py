@@ -10,9 +10,11 @@ from cospeech.files import writing
 from cospeech.matching.control.signals import SIGNALS
 
 PANELS = (
-    ("left_wrist_height", "high"), ("left_wrist_speed", "fast"), ("left_wrist_height", "low"),
+    ("left_wrist_height", "high"),
+    ("left_wrist_speed", "fast"),
+    ("left_wrist_height", "low"),
     ("left_wrist_speed", "slow"),
-)  # fmt: skip
+)
 TITLES = {"left_wrist_height": "left wrist height", "left_wrist_speed": "left wrist speed"}
 COLOURS = {"knn": "#2f6fae", "resync": "#d9822b", "moglow": "#3b8f5a", FREE: "#9aa2ab"}
 NAMES = {"knn": "k-NN", "resync": "k-NN + cGAN", "moglow": "MoGlow", FREE: "k-NN, unconstrained"}

@@ -116,8 +116,9 @@ class Stage:
         self.whole = posture == "sitting" if whole is None else whole
         self.clips, faces = [clip for _, clip in panels], [face_of(clip, face) for _, clip in panels]
         self.expressions = [expression for _, expression in faces]
-        self.figures = [Character(clip.positions, each, posture)
-                        for clip, (each, _) in zip(self.clips, faces, strict=True)]  # fmt: skip
+        self.figures = [
+            Character(clip.positions, each, posture) for clip, (each, _) in zip(self.clips, faces, strict=True)
+        ]
         self.corners = [(i % columns * self.width, i // columns * self.height) for i in range(len(panels))]
         motions = [clip.positions for clip in self.clips]
         self.painter = Painter(framing(self.figures, motions, self.width, self.height, self.whole))

@@ -36,10 +36,13 @@ def log_mel_s2g(samples):
 
     amplitude = np.abs(
         librosa.stft(
-            np.pad(np.asarray(samples, np.float32), (0, S2G_FFT - S2G_WINDOW)), n_fft=S2G_FFT, hop_length=S2G_HOP,
-            window=np.pad(librosa.filters.get_window("hann", S2G_WINDOW), (0, S2G_FFT - S2G_WINDOW)), center=False,
+            np.pad(np.asarray(samples, np.float32), (0, S2G_FFT - S2G_WINDOW)),
+            n_fft=S2G_FFT,
+            hop_length=S2G_HOP,
+            window=np.pad(librosa.filters.get_window("hann", S2G_WINDOW), (0, S2G_FFT - S2G_WINDOW)),
+            center=False,
         )
-    )  # fmt: skip
+    )
     low, high = S2G_BAND
     bank = librosa.filters.mel(sr=RATE, n_fft=S2G_FFT, n_mels=S2G_BINS, fmin=low, fmax=high, htk=True, norm=None)
     return np.log(bank @ amplitude + 1e-6).astype(np.float32)

@@ -13,8 +13,14 @@ from cospeech.speech.transcripts.subtitles import read_subtitles
 from cospeech.speech.transcripts.textgrid import read_textgrid
 from cospeech.speech.transcripts.transcript import NotATranscript, seconds_of
 
-READERS = {".tsv": read_tsv, ".textgrid": read_textgrid, ".ctm": read_ctm, ".json": read_json,
-           ".srt": read_subtitles, ".vtt": read_subtitles}  # fmt: skip
+READERS = {
+    ".tsv": read_tsv,
+    ".textgrid": read_textgrid,
+    ".ctm": read_ctm,
+    ".json": read_json,
+    ".srt": read_subtitles,
+    ".vtt": read_subtitles,
+}
 BESIDE = (".tsv", ".textgrid", ".ctm", ".json")  # a sound, in order of preference
 OVERLAP = 0.05  # seconds; less is the aligner's rounding
 ROUNDING = 0.1  # seconds that a word may begin or end after the sound's end

@@ -56,9 +56,13 @@ def analyse(folder, paths, failures=0, seed=0):
 
 def _judge_ratings(study, counted, left, seed):
     known = {one["id"]: one for one in study["stimuli"]}
-    rows = [(a.participant, known[item["stimuli"][0]]["condition"], known[item["stimuli"][0]]["track"], key, value)
-            for a in counted for item in a.items if item["kind"] == "rating"
-            for key, value in item["values"].items()]  # fmt: skip
+    rows = [
+        (a.participant, known[item["stimuli"][0]]["condition"], known[item["stimuli"][0]]["track"], key, value)
+        for a in counted
+        for item in a.items
+        if item["kind"] == "rating"
+        for key, value in item["values"].items()
+    ]
     table, comparisons = [], []
     for question in study["questions"]:
         given = {condition: {} for condition in study["conditions"]}
@@ -77,8 +81,10 @@ def _judge_pairs(study, counted, left, seed):
     for a in counted:
         for item in (item for item in a.items if item["kind"] == "pair"):
             first, second = (known[one] for one in item["stimuli"])
-            rows += [(a.participant, first["condition"], second["condition"], first["track"], key, value)
-                     for key, value in item["values"].items()]  # fmt: skip
+            rows += [
+                (a.participant, first["condition"], second["condition"], first["track"], key, value)
+                for key, value in item["values"].items()
+            ]
     results = Results(study, [a.participant for a in counted], rows, left, [], [])
     names = study["conditions"]
     place = {name: i for i, name in enumerate(names)}
@@ -97,8 +103,9 @@ def _judge_pairs(study, counted, left, seed):
                 "estimate; a draw was added between every two methods"
             )
         shares = duels - np.swapaxes(duels, 1, 2)
-        results.comparisons += tests([(a, b, shares[:, i, j]) for i, a in enumerate(names)
-                                      for j, b in enumerate(names) if i < j], question)  # fmt: skip
+        results.comparisons += tests(
+            [(a, b, shares[:, i, j]) for i, a in enumerate(names) for j, b in enumerate(names) if i < j], question
+        )
     return results
 
 
@@ -115,23 +122,41 @@ def write_results(folder, results):
     from cospeech.study.plots import plot_question
 
     folder, pairs = Path(folder), results.pairs
-    head = ["participant", "first", "second", "track", "question", "choice"] if pairs else \
-        ["participant", "condition", "track", "question", "value"]  # fmt: skip
+    head = (
+        ["participant", "first", "second", "track", "question", "choice"]
+        if pairs
+        else ["participant", "condition", "track", "question", "value"]
+    )
     kind = Strength if pairs else Line
     write_table(folder / "answers.csv", head, results.answers)
     write_table(folder / "table.csv", [f.name for f in fields(kind)], [asdict(r).values() for r in results.table])
-    write_table(folder / "comparisons.csv", [f.name for f in fields(Comparison)],
-               [asdict(row).values() for row in results.comparisons])  # fmt: skip
-    write_table(folder / "left_out.csv", ["file", "participant", "reason"],
-               [(one.path, one.participant, one.reason) for one in results.left])  # fmt: skip
+    write_table(
+        folder / "comparisons.csv",
+        [f.name for f in fields(Comparison)],
+        [asdict(row).values() for row in results.comparisons],
+    )
+    write_table(
+        folder / "left_out.csv",
+        ["file", "participant", "reason"],
+        [(one.path, one.participant, one.reason) for one in results.left],
+    )
     study = results.study
-    with writing_hdf5(folder / "study.h5", SCHEMA, study=study["id"], title=study["title"], kind=study["kind"],
-                      participants=len(results.participants)) as file:  # fmt: skip
+    with writing_hdf5(
+        folder / "study.h5",
+        SCHEMA,
+        study=study["id"],
+        title=study["title"],
+        kind=study["kind"],
+        participants=len(results.participants),
+    ) as file:
         _put_table(file.create_group("answers"), head, results.answers)
         for name, row, rows in (("table", kind, results.table), ("comparisons", Comparison, results.comparisons)):
             _put_table(file.create_group(name), [f.name for f in fields(row)], [asdict(r).values() for r in rows])
-        _put_table(file.create_group("left_out"), ["file", "participant", "reason"],
-                   [(one.path, one.participant, one.reason) for one in results.left])  # fmt: skip
+        _put_table(
+            file.create_group("left_out"),
+            ["file", "participant", "reason"],
+            [(one.path, one.participant, one.reason) for one in results.left],
+        )
     plots = []
     for question in study["questions"]:
         plot_question(folder / f"{question}.png", results, question)

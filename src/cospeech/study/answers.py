@@ -126,8 +126,11 @@ def read_file(study, path):
         wrong = _wrong(study, known, item)
         if wrong:
             raise CospeechError(f"{path}: item {number}: {wrong}")
-    seen = Counter(frozenset(known[one]["condition"] for one in item["stimuli"]) for item in items
-                   if item["kind"] in ("rating", "pair"))  # fmt: skip
+    seen = Counter(
+        frozenset(known[one]["condition"] for one in item["stimuli"])
+        for item in items
+        if item["kind"] in ("rating", "pair")
+    )
     if seen.total() != study["items"] or set(seen.values()) != {study["tracks"]}:
         raise CospeechError(f"{path}: its clips are not those of one participant")
     return Answers(code, str(path), str(file.get("finished", "")), items)

@@ -116,8 +116,9 @@ def build_study(folder, stimuli, design):
     study = _described(design, conditions, listed, all(stimulus.face == OWN for stimulus in stimuli))
     whole.update(json.dumps(study).encode())
     study = {"schema": SCHEMA, "version": VERSION, "id": whole.hexdigest()[:12]} | study
-    study["sources"] = {_digest(design.seed, s.track, s.condition): {key: str(v) for key, v in asdict(s).items()}
-                        for s in stimuli}  # fmt: skip
+    study["sources"] = {
+        _digest(design.seed, s.track, s.condition): {key: str(v) for key, v in asdict(s).items()} for s in stimuli
+    }
     if before not in (None, study["id"]):
         notice(f"{folder}: study {before} was replaced by {study['id']}; answers to it can no longer be analysed here")
     _write_page(folder / "index.html", study, list(tracks))
@@ -191,26 +192,50 @@ def _described(design, conditions, listed, own_faces):
     minutes = ((items + checks) * ((1 if rating else 2) * length + ITEM_SECONDS) + examples * length) / 60
     return asdict(design) | {
         "instructions": design.instructions or WELCOME + TASKS[design.kind] + ("" if own_faces else FACE),
-        "questions": texts, "ends": list(ENDS[design.points]), "checks": checks, "examples": examples,
-        "items": items, "minutes": round(minutes, 1), "conditions": conditions, "stimuli": listed,
+        "questions": texts,
+        "ends": list(ENDS[design.points]),
+        "checks": checks,
+        "examples": examples,
+        "items": items,
+        "minutes": round(minutes, 1),
+        "conditions": conditions,
+        "stimuli": listed,
         "cospeech_version": __version__,
-    }  # fmt: skip
+    }
 
 
 def _write_page(path, study, tracks):
     """The page knows conditions by numbers only, so that its source does not tell who made what."""
     order = {name: i for i, name in enumerate(sorted(study["conditions"], key=_digest))}
-    told = ("id", "title", "kind", "points", "ends", "tracks", "checks", "examples", "ties", "seed", "minutes",
-            "instructions", "consent")  # fmt: skip
+    told = (
+        "id",
+        "title",
+        "kind",
+        "points",
+        "ends",
+        "tracks",
+        "checks",
+        "examples",
+        "ties",
+        "seed",
+        "minutes",
+        "instructions",
+        "consent",
+    )
     page = {key: study[key] for key in told} | {
         "questions": [{"key": key, "text": text} for key, text in study["questions"].items()],
-        "conditions": len(order), "reference": order.get(TRUTH, -1) if study["examples"] else -1,
+        "conditions": len(order),
+        "reference": order.get(TRUTH, -1) if study["examples"] else -1,
         "files": [_digest(study["seed"], track) for track in tracks],
         "stimuli": sorted([s["id"], order[s["condition"]], tracks.index(s["track"])] for s in study["stimuli"]),
-    }  # fmt: skip
+    }
     room = files("cospeech.study")
-    parts = {"TITLE": escape(study["title"]), "DATA": embedded(page), "PLAYER": player_script(),
-             "SCRIPT": "".join((room / f"{name}.js").read_text("utf-8") for name in ("plan", "study"))}  # fmt: skip
+    parts = {
+        "TITLE": escape(study["title"]),
+        "DATA": embedded(page),
+        "PLAYER": player_script(),
+        "SCRIPT": "".join((room / f"{name}.js").read_text("utf-8") for name in ("plan", "study")),
+    }
     text = (room / "page.html").read_text("utf-8")
     text = re.sub("%(TITLE|DATA|PLAYER|SCRIPT)%", lambda place: parts[place[1]], text)
     with writing(path) as temporary:

@@ -83,8 +83,10 @@ def tests(rows, question):
     """[Comparison] of [(a, b, differences of participants)]; Holm's correction over all of them."""
     found = [signed_rank(differences) for _, _, differences in rows]
     corrected = holm([p for _, p in found])
-    return [Comparison(question, a, b, len(d), float(np.mean(d)), statistic, p, float(adjusted))
-            for (a, b, d), (statistic, p), adjusted in zip(rows, found, corrected, strict=True)]  # fmt: skip
+    return [
+        Comparison(question, a, b, len(d), float(np.mean(d)), statistic, p, float(adjusted))
+        for (a, b, d), (statistic, p), adjusted in zip(rows, found, corrected, strict=True)
+    ]
 
 
 def signed_rank(differences):
@@ -158,5 +160,7 @@ def strengths(duels, question, conditions, seed=0, resamples=RESAMPLES):
     spread[lost] = bradley_terry(again[lost], PRIOR)
     low, high = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     played = (total + total.T).sum(-1)
-    return [Strength(name, question, float(total[i].sum()), round(played[i]), float(best[i]), float(low[i]),
-                     float(high[i])) for i, name in enumerate(conditions)], finite  # fmt: skip
+    return [
+        Strength(name, question, float(total[i].sum()), round(played[i]), float(best[i]), float(low[i]), float(high[i]))
+        for i, name in enumerate(conditions)
+    ], finite

@@ -190,5 +190,6 @@ def _listed(path, number, entry, seconds):
     if not audio.is_file():
         raise CospeechError(f"{where}: no sound at {audio}; give `audio`")
     wear = face if face in (OWN, NONE) else path.parent / face
-    return Stimulus(str(entry["condition"]), str(entry["track"]), motion, float(start), audio, float(audio_start),
-                    seconds, wear)  # fmt: skip
+    return Stimulus(
+        str(entry["condition"]), str(entry["track"]), motion, float(start), audio, float(audio_start), seconds, wear
+    )

@@ -46,9 +46,12 @@ def assemble(track, name="track"):
         raise CospeechError(f"{name}: no body in this track; choose a tracker that has one")
     joints = len(UPPER55)
     observed = Observations(
-        np.zeros((track.frames, joints, 3)), np.zeros((track.frames, joints, 2)), np.zeros((track.frames, joints)),
-        np.zeros((track.frames, joints), bool), track.body.metric,
-    )  # fmt: skip
+        np.zeros((track.frames, joints, 3)),
+        np.zeros((track.frames, joints, 2)),
+        np.zeros((track.frames, joints)),
+        np.zeros((track.frames, joints), bool),
+        track.body.metric,
+    )
     for part, where in PARTS.items():
         points = getattr(track, part)
         if points is None:

@@ -101,16 +101,33 @@ def clean(observed, fps, frames, *, face=None, cuts=(), bones=None, settings=Non
         part = replace(
             observed, **{key: getattr(observed, key)[where] for key in ("positions", "pixels", "score", "seen")}
         )
-        shots.append(clean_stretch(
-            part, believed[where], typical, bones, face and face.section(where), clock=(fps, rate, count, start),
-            apart=apart, sigma=settings.sigma * rate / RATE, unify=settings.unify_bones, upright=settings.upright,
-            forward=settings.forward, ahead=settings.ahead,
-        ))  # fmt: skip
-    join = lambda key: np.concatenate([getattr(shot, key) for shot in shots])  # noqa: E731
+        shots.append(
+            clean_stretch(
+                part,
+                believed[where],
+                typical,
+                bones,
+                face and face.section(where),
+                clock=(fps, rate, count, start),
+                apart=apart,
+                sigma=settings.sigma * rate / RATE,
+                unify=settings.unify_bones,
+                upright=settings.upright,
+                forward=settings.forward,
+                ahead=settings.ahead,
+            )
+        )
+    join = lambda key: np.concatenate([getattr(shot, key) for shot in shots])
     cleaned = Cleaned(
-        join("positions"), join("confidence"), join("state"), face and Face.joined([shot.face for shot in shots]),
-        None if face is None else join("face_state"), bones, dropped, max(shot.tilt for shot in shots),
-    )  # fmt: skip
+        join("positions"),
+        join("confidence"),
+        join("state"),
+        face and Face.joined([shot.face for shot in shots]),
+        None if face is None else join("face_state"),
+        bones,
+        dropped,
+        max(shot.tilt for shot in shots),
+    )
     cleaned.valid = _valid(cleaned, settings, rate)
     firsts = np.cumsum([len(shot.positions) for shot in shots])[:-1]
     cleaned.valid[firsts[firsts < frames]] = False  # no window may straddle a cut

@@ -20,9 +20,9 @@ def robust_bones(positions, believed, pairs=True):
     """
     parents = np.array([p if 0 <= p != j else j for j, p in enumerate(UPPER55.parents)])
     lengths = [np.linalg.norm(p - p[:, parents], axis=-1) for p in positions]
-    lengths = np.concatenate([
-        np.where(b & b[:, parents], length, np.nan) for length, b in zip(lengths, believed, strict=True)
-    ])  # fmt: skip
+    lengths = np.concatenate(
+        [np.where(b & b[:, parents], length, np.nan) for length, b in zip(lengths, believed, strict=True)]
+    )
     if pairs:
         lengths = np.concatenate([lengths, lengths[:, UPPER55.mirror]])
     known = np.isfinite(lengths).any(axis=0)

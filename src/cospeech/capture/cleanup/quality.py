@@ -82,22 +82,33 @@ def quality_of(cleaned, observed, fps, rate, *, subject, clip, backend="", licen
     shares = {key: {part: float((s == code).mean()) for part, s in states.items()} for key, code in SHARES.items()}
     seen = cleaned.state == OBSERVED
     return Quality(
-        subject, clip, float(rate), len(cleaned.positions), backend, **shares,
+        subject,
+        clip,
+        float(rate),
+        len(cleaned.positions),
+        backend,
+        **shares,
         bone_deviation=bone_deviation(cleaned.positions, seen, cleaned.bones),
         bone_deviation_raw=bone_deviation(observed.positions, observed.seen, cleaned.bones),
-        jitter_raw=jitter(observed.positions, observed.seen, fps), jitter_clean=jitter(cleaned.positions, seen, rate),
-        valid=float(cleaned.valid.mean()), tilt=cleaned.tilt, dropped=cleaned.dropped,
+        jitter_raw=jitter(observed.positions, observed.seen, fps),
+        jitter_clean=jitter(cleaned.positions, seen, rate),
+        valid=float(cleaned.valid.mean()),
+        tilt=cleaned.tilt,
+        dropped=cleaned.dropped,
         timeline={part: (s != EXCLUDED).mean(axis=1).astype(np.float32) for part, s in states.items()},
         licence_note=licence_note,
-    )  # fmt: skip
+    )
 
 
 def bone_deviation(positions, seen, bones):
     """Mean of |length - bone| / bone over all bones that are seen with both ends; 0 if there is none."""
     lengths = np.linalg.norm(positions - positions[:, PARENTS], axis=-1)
     counted = seen & seen[:, PARENTS] & (bones > 0)
-    return float((np.abs(lengths - bones)[counted] / np.broadcast_to(bones, lengths.shape)[counted]).mean()) if (
-        counted.any()) else 0.0  # fmt: skip
+    return (
+        float((np.abs(lengths - bones)[counted] / np.broadcast_to(bones, lengths.shape)[counted]).mean())
+        if (counted.any())
+        else 0.0
+    )
 
 
 def jitter(positions, seen, rate):

@@ -34,8 +34,12 @@ class Face:
     @classmethod
     def joined(cls, faces):
         """Faces one after the other."""
-        return cls(*(None if parts[0] is None else np.concatenate(parts) for parts in
-                     zip(*((f.rotation, f.score, f.expression) for f in faces), strict=True)))  # fmt: skip
+        return cls(
+            *(
+                None if parts[0] is None else np.concatenate(parts)
+                for parts in zip(*((f.rotation, f.score, f.expression) for f in faces), strict=True)
+            )
+        )
 
 
 @dataclass

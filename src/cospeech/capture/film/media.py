@@ -158,9 +158,16 @@ def fetch(url, path):
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.stem}.fetched{path.suffix}")
     options = {
-        "outtmpl": {"default": str(partial)}, "format": "best[ext=mp4]/best", "continuedl": True, "noplaylist": True,
-        "quiet": True, "no_warnings": True, "noprogress": True, "retries": 3, "cachedir": False,
-    }  # fmt: skip
+        "outtmpl": {"default": str(partial)},
+        "format": "best[ext=mp4]/best",
+        "continuedl": True,
+        "noplaylist": True,
+        "quiet": True,
+        "no_warnings": True,
+        "noprogress": True,
+        "retries": 3,
+        "cachedir": False,
+    }
     try:
         with yt_dlp.YoutubeDL(options) as download:
             download.download([url])

@@ -10,8 +10,11 @@ HAND_BEYOND = 0.3  # its centre, beyond the wrist in the same direction, in fore
 HEAD_SIZE = 0.75  # side of a head's first box, in shoulder widths
 FACE_SIZE = 0.5  # the same of the landmarks alone, which end at brows and chin
 SPREAD = (-0.8, -0.4, 0.0, 0.4, 0.8)  # where a part is searched for around its first box, in the box's sides
-WIDTHS = [("left_shoulder", "right_shoulder", 1.0), ("left_shoulder", "left_elbow", 1.1),
-          ("right_shoulder", "right_elbow", 1.1)]  # fmt: skip
+WIDTHS = [
+    ("left_shoulder", "right_shoulder", 1.0),
+    ("left_shoulder", "left_elbow", 1.1),
+    ("right_shoulder", "right_elbow", 1.1),
+]
 FRAMES = 31  # over which such a width is steadied
 ALIKE = 0.6, 1.5  # how much smaller and larger than the first box a box may become
 HEADS = (("nose",), ("left_ear", "right_ear"), ("head",), ("head_top", "neck"))  # the first that a skeleton has
@@ -43,9 +46,9 @@ class Crop:
                 return np.zeros((*self.pixels[::-1], 3), np.uint8)
             small = (part.shape[1] // shrink, part.shape[0] // shrink)
             rgb = cv2.resize(part[: small[1] * shrink, : small[0] * shrink], small, interpolation=cv2.INTER_AREA)
-            to_small = lambda xy: (xy - low + 0.5) / shrink - 0.5  # noqa: E731
+            to_small = lambda xy: (xy - low + 0.5) / shrink - 0.5
         else:
-            to_small = lambda xy: xy  # noqa: E731
+            to_small = lambda xy: xy
         corners = np.array([[0, 0], [1, 0], [0, 1]], float)
         source = np.float32([to_small(xy) for xy in self.to_picture(corners)])
         inverse = np.column_stack([source[1] - source[0], source[2] - source[0], source[0]])

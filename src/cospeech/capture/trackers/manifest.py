@@ -90,11 +90,19 @@ def _any(content, folder):
     image = {key: tuple(v) if isinstance(v, list) else v for key, v in content["input"].items() if key in known}
     crop = content.get("crop", {})
     return Manifest(
-        content["name"], folder / content["model"], _size(content["input"]["size"]), content["codec"],
-        content["parts"], content["licence_note"], content.get("sha256", ""), **image,
-        margin=crop.get("margin", 1.25), least=crop.get("least_score", 0.3), mirrored=crop.get("mirrored", False),
+        content["name"],
+        folder / content["model"],
+        _size(content["input"]["size"]),
+        content["codec"],
+        content["parts"],
+        content["licence_note"],
+        content.get("sha256", ""),
+        **image,
+        margin=crop.get("margin", 1.25),
+        least=crop.get("least_score", 0.3),
+        mirrored=crop.get("mirrored", False),
         camera=content.get("camera", {}),
-    )  # fmt: skip
+    )
 
 
 def _ours(content, folder):
@@ -106,11 +114,20 @@ def _ours(content, folder):
     codec = {"kind": "pose", "points": "points", "pose": "pose", "maps": "heatmaps", "root": skeleton["root"]}
     codec["mapped"] = table.joints(*skeleton["heatmap_joints"])
     return Manifest(
-        f"posenet {part}", folder / content["model"], _size(image["size"]), codec,
-        {name: {"skeleton": table.name, "first": 0} for name in PARTS_OF[part]}, content["licence_note"],
-        content["sha256"], image["layout"], image["channels"], (image["range"][1] - image["range"][0]) / 255,
-        margin=image["crop"]["margin"], least=LEAST_OF[part], mirrored=part == "hand",
-    )  # fmt: skip
+        f"posenet {part}",
+        folder / content["model"],
+        _size(image["size"]),
+        codec,
+        {name: {"skeleton": table.name, "first": 0} for name in PARTS_OF[part]},
+        content["licence_note"],
+        content["sha256"],
+        image["layout"],
+        image["channels"],
+        (image["range"][1] - image["range"][0]) / 255,
+        margin=image["crop"]["margin"],
+        least=LEAST_OF[part],
+        mirrored=part == "hand",
+    )
 
 
 def _size(size):

@@ -83,9 +83,11 @@ class Runner:
         """(score, points) of the hand in a crop whose wrist is the body's, or None."""
         found, best, doubt = self.hands[side].process(crop), None, 0.5 * reach
         for points, world, label in zip(
-            found.multi_hand_landmarks or (), found.multi_hand_world_landmarks or (), found.multi_handedness or (),
+            found.multi_hand_landmarks or (),
+            found.multi_hand_world_landmarks or (),
+            found.multi_handedness or (),
             strict=True,
-        ):  # fmt: skip
+        ):
             array = self._points(points, world, crop, back)
             # the labels are meant for pictures that are mirrored as a selfie is: the other side's name is right
             wrong = label.classification[0].label.lower() == side.split("_")[0]

@@ -116,9 +116,16 @@ def _release_track(arrays, k, path):
         values = arrays["face"][k].astype(np.float32)
         face = FaceCoefficients(values[:, 166:230], values[:, 163:166], np.ones(len(values), np.float32), "release64")
     return Track(
-        PUBLISHED_RATE, len(joints), 1, 1, **parts, face=face, source=f"{Path(path).name}:{k}", backend="release",
+        PUBLISHED_RATE,
+        len(joints),
+        1,
+        1,
+        **parts,
+        face=face,
+        source=f"{Path(path).name}:{k}",
+        backend="release",
         licence_note="published 3D annotation (Habibie et al. 2021): research only",
-    )  # fmt: skip
+    )
 
 
 def _by_name(hand, side):
@@ -131,9 +138,15 @@ def _in_space(skeleton, xyz, space, root):
     count = xyz.shape[:2]
     observed = np.ones(count[0], bool)
     return Points(
-        skeleton, np.zeros((*count, 2), np.float32), np.ones(count, np.float32), observed, np.ascontiguousarray(xyz),
-        space, root, metric=True,
-    )  # fmt: skip
+        skeleton,
+        np.zeros((*count, 2), np.float32),
+        np.ones(count, np.float32),
+        observed,
+        np.ascontiguousarray(xyz),
+        space,
+        root,
+        metric=True,
+    )
 
 
 def _nearest(sorted_times, times):
@@ -273,8 +286,11 @@ def _points49(pose):
     table = Skeleton.load("openpose25")
     body = np.zeros((len(points), len(table), 3), np.float32)
     body[:, table.joints(*ARMS49)] = points[:, : len(ARMS49)]
-    return {"body": _flat("openpose25", body), "left_hand": _flat(HAND, points[:, LEFT49]),
-            "right_hand": _flat(HAND, points[:, RIGHT49])}  # fmt: skip
+    return {
+        "body": _flat("openpose25", body),
+        "left_hand": _flat(HAND, points[:, LEFT49]),
+        "right_hand": _flat(HAND, points[:, RIGHT49]),
+    }
 
 
 def _points137(pose):

@@ -95,10 +95,19 @@ def _tell(film, seen):
 
 
 def _track(film, seen, frames, cuts, trackers):
-    join = lambda name: "; ".join(dict.fromkeys(v for t in trackers if (v := getattr(t, name))))  # noqa: E731
+    join = lambda name: "; ".join(dict.fromkeys(v for t in trackers if (v := getattr(t, name))))
     return Track(
-        float(film.fps), frames, film.width, film.height, **{part: seen.get(part) for part in (*PARTS, FACE)},
-        source=Path(film.path).name, source_sha256=sha256(film.path), start=float(film.start), backend=join("name"),
-        backend_version=join("version"), model_sha256=join("model_sha256"), licence_note=join("licence_note"),
+        float(film.fps),
+        frames,
+        film.width,
+        film.height,
+        **{part: seen.get(part) for part in (*PARTS, FACE)},
+        source=Path(film.path).name,
+        source_sha256=sha256(film.path),
+        start=float(film.start),
+        backend=join("name"),
+        backend_version=join("version"),
+        model_sha256=join("model_sha256"),
+        licence_note=join("licence_note"),
         cuts=cuts,
-    )  # fmt: skip
+    )

@@ -77,11 +77,17 @@ def beat_consistency(changes, onsets, maac, *, threshold, sigma=SIGMA, fps=15.0)
     durations = [(len(one) + 1) / fps for one in changes]
     chance = np.array([chance_coverage(b, t, d, sigma) for b, t, d in zip(beats, onsets, durations, strict=True)])
     long = [i for i in heard if np.isfinite(chance[i])]
-    mean = lambda values, which: float(np.average(values[which], weights=weights[which])) if which else np.nan  # noqa: E731
+    mean = lambda values, which: float(np.average(values[which], weights=weights[which])) if which else np.nan
     return BeatConsistency(
-        mean(scores, heard), mean(scores, moving), mean(scores - chance, long), len(beats), len(beats) - len(heard),
-        sum(not len(b) for b in beats), int(weights.sum()), sum(map(len, beats)),
-    )  # fmt: skip
+        mean(scores, heard),
+        mean(scores, moving),
+        mean(scores - chance, long),
+        len(beats),
+        len(beats) - len(heard),
+        sum(not len(b) for b in beats),
+        int(weights.sum()),
+        sum(map(len, beats)),
+    )
 
 
 def released_beats(changes, maac, *, threshold=PUBLISHED["TED"], fps=15.0):

@@ -251,16 +251,26 @@ def train_feature_net(clips, settings=None, sigma=1.5, seed=0, checkpoint=None, 
     network.mean = torch.as_tensor(windows.statistics("pose")[0])
     task = Reconstruction(windows, network.to(device()), settings, preset.cosine)
     description = {
-        "network": "fgd", **asdict(settings), "latent": latent, "frames": FRAMES, "fps": clips[0].fps, "seed": seed,
-        "windows": len(windows), "motion_sha256": hashlib.sha256(windows.arrays["pose"]).hexdigest(),
-    }  # fmt: skip
+        "network": "fgd",
+        **asdict(settings),
+        "latent": latent,
+        "frames": FRAMES,
+        "fps": clips[0].fps,
+        "seed": seed,
+        "windows": len(windows),
+        "motion_sha256": hashlib.sha256(windows.arrays["pose"]).hexdigest(),
+    }
     if preset.table:
         description |= {"preset": name, "table": preset.table, "speakers": sorted({clip.subject for clip in clips})}
     else:
         description |= {"sigma": sigma}
     label = f"feature network {name}" if preset.table else f"{clips[0].subject} feature net"
     history = train(
-        task, settings.steps, seed=seed, checkpoint=checkpoint, identity=json.dumps(description, sort_keys=True),
+        task,
+        settings.steps,
+        seed=seed,
+        checkpoint=checkpoint,
+        identity=json.dumps(description, sort_keys=True),
         label=label,
-    )  # fmt: skip
+    )
     return FeatureNet(network.eval(), description), history

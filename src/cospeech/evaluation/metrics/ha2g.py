@@ -49,9 +49,13 @@ class HA2GMetrics:
         found = _of_latents(pieces, reference) | self._of_beats(pieces, reference.fps)
         found |= {columns.BC_RELEASED: (self._released_bc(takes), np.nan)} | _of_genea(pieces, reference.fps)
         attributes = {
-            "fps": reference.fps, "beat_threshold": self.threshold, "beat_sigma": beats.SIGMA, "low_pass": LOW_PASS,
-            "window_frames": FRAMES, "window_stride": STRIDE,
-        }  # fmt: skip
+            "fps": reference.fps,
+            "beat_threshold": self.threshold,
+            "beat_sigma": beats.SIGMA,
+            "low_pass": LOW_PASS,
+            "window_frames": FRAMES,
+            "window_stride": STRIDE,
+        }
         attributes |= {f"feature_net_{name}_sha256": net.sha256 for name, net in reference.nets.items()}
         return found, None, attributes
 

@@ -50,10 +50,15 @@ class SummaryMetrics:
         own = np.concatenate([net.latents(piece.positions) for piece in flat])
         found |= _of_latents(own, test, train, reference)
         attributes = {
-            "fps": reference.fps, "low_pass_sigma": reference.sigma, "beat_threshold": self.threshold,
-            "window_frames": FRAMES, "windows": len(own), "test_windows": len(test),
-            "train_windows": len(train), "feature_net_sha256": net.sha256,
-        }  # fmt: skip
+            "fps": reference.fps,
+            "low_pass_sigma": reference.sigma,
+            "beat_threshold": self.threshold,
+            "window_frames": FRAMES,
+            "windows": len(own),
+            "test_windows": len(test),
+            "train_windows": len(train),
+            "feature_net_sha256": net.sha256,
+        }
         return found, values, attributes
 
     def _combined(self, pieces):

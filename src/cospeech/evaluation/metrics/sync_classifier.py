@@ -194,15 +194,23 @@ class _Shape:
 def train_sync_classifier(clips, settings, seed=0, checkpoint=None):
     """Train on the training part; return (SyncClassifier, History). `checkpoint`: see `training.train`."""
     task = SyncTask(clips, settings, seed)
-    description = {"network": "sync_classifier", "settings": asdict(settings), "channels": task.pairs.channels,
-                   "seed": seed}  # fmt: skip
+    description = {
+        "network": "sync_classifier",
+        "settings": asdict(settings),
+        "channels": task.pairs.channels,
+        "seed": seed,
+    }
     identity = sha256(json.dumps(description, sort_keys=True).encode())
     for clip in clips:
         identity.update(clip.features.tobytes() + clip.positions.tobytes())
     history = train(
-        task, settings.steps, seed=seed, checkpoint=checkpoint, identity=identity.hexdigest(),
+        task,
+        settings.steps,
+        seed=seed,
+        checkpoint=checkpoint,
+        identity=identity.hexdigest(),
         label=f"{clips[0].subject} sync classifier, {settings.frames} frames",
-    )  # fmt: skip
+    )
     return SyncClassifier(task.network.eval(), description), history
 
 

@@ -88,8 +88,9 @@ class Coupling(nn.Module):
         empty = x.new_zeros(LAYERS, len(x), self.cells[0].hidden_size)
         weights = [w for cell in self.cells for w in (cell.weight_ih, cell.weight_hh, cell.bias_ih, cell.bias_hh)]
         # The cells, over all frames at once: has_biases, layers, dropout, train, bidirectional, batch_first.
-        remembered = torch.lstm(torch.cat([kept, condition], dim=-1), (empty, empty), weights,
-                                True, LAYERS, 0.0, self.training, False, True)[0]  # fmt: skip
+        remembered = torch.lstm(
+            torch.cat([kept, condition], dim=-1), (empty, empty), weights, True, LAYERS, 0.0, self.training, False, True
+        )[0]
         shift, log_scale = self._shift_and_log_scale(remembered)
         return torch.cat([kept, (moved + shift) * log_scale.exp()], dim=-1), log_scale.sum(-1)
 

@@ -17,8 +17,12 @@ from cospeech.learning.unet1d import HALO, MULTIPLE, WINDOW, Critic, Decoder, En
 from cospeech.learning.unet1d import PRESETS as WIDTHS
 
 # What the discriminator judges, of body and hands; the face is never among it (section 4.4.1).
-ADVERSARIES = {"none": (), "audio_pose": ("features", "body", "hands"), "pose": ("body", "hands"),
-               "velocity": ("body", "hands")}  # fmt: skip
+ADVERSARIES = {
+    "none": (),
+    "audio_pose": ("features", "body", "hands"),
+    "pose": ("body", "hands"),
+    "velocity": ("body", "hands"),
+}
 
 
 @dataclass(frozen=True)
@@ -122,10 +126,15 @@ class GestureTask:
                 discriminator.parameters(), settings.discriminator_learning_rate, betas
             )
         self.description = {
-            "model": model, "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
+            "model": model,
+            "settings": asdict(settings),
+            "channels": self.pairs.channels,
+            "fps": self.pairs.fps,
             **self.pairs.build.lists(),
-            "face_model": self.pairs.face_model, "multiple": MULTIPLE, "halo": HALO,
-        }  # fmt: skip
+            "face_model": self.pairs.face_model,
+            "multiple": MULTIPLE,
+            "halo": HALO,
+        }
 
     def iterate(self, step, rng):
         real = self.pairs.sample(rng, self.settings.batch)

@@ -67,10 +67,15 @@ class LSTMTask:
         self.modules = {"generator": self.generator}
         self.optimizers = {"generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate)}
         self.description = {
-            "model": "lstm", "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
+            "model": "lstm",
+            "settings": asdict(settings),
+            "channels": self.pairs.channels,
+            "fps": self.pairs.fps,
             **self.pairs.build.lists(),
-            "face_model": self.pairs.face_model, "multiple": 1, "halo": None,
-        }  # fmt: skip
+            "face_model": self.pairs.face_model,
+            "multiple": 1,
+            "halo": None,
+        }
 
     def iterate(self, step, rng):
         real = self.pairs.sample(rng, self.settings.batch)

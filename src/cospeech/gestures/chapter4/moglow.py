@@ -68,7 +68,7 @@ def _smoothed(clip, sigma):
     """The clip after a Gaussian of `sigma` frames over body, hands and head rotation; the clip itself for 0."""
     if not sigma:
         return clip
-    blur = lambda x: None if x is None else gaussian_filter1d(x, sigma, axis=0, mode="nearest")  # noqa: E731
+    blur = lambda x: None if x is None else gaussian_filter1d(x, sigma, axis=0, mode="nearest")
     return replace(clip, positions=blur(clip.positions), rotation=blur(clip.rotation))
 
 
@@ -129,8 +129,9 @@ class MoGlow(MotionNetwork):
     def forward(self, features, noise, control=None):
         context = self.speech_context(features, control)
         start = noise[:, :, 0] * 0  # zeros of the right size: the mean pose, and empty memories
-        states = start[:, :1].expand(-1, self.settings.hidden)[None, None].expand(
-            self.settings.flows, 2 * LAYERS, -1, -1)  # fmt: skip
+        states = (
+            start[:, :1].expand(-1, self.settings.hidden)[None, None].expand(self.settings.flows, 2 * LAYERS, -1, -1)
+        )
         past = start.repeat(1, self.settings.history)
 
         def frame(carry, given):
@@ -160,10 +161,15 @@ class MoGlowTask:
         self.modules = {"generator": self.generator}
         self.optimizers = {"generator": torch.optim.Adam(self.generator.parameters(), settings.learning_rate)}
         self.description = {
-            "model": model, "settings": asdict(settings), "channels": self.pairs.channels, "fps": self.pairs.fps,
+            "model": model,
+            "settings": asdict(settings),
+            "channels": self.pairs.channels,
+            "fps": self.pairs.fps,
             **self.pairs.build.lists(),
-            "face_model": "", "multiple": 1, "halo": None,
-        }  # fmt: skip
+            "face_model": "",
+            "multiple": 1,
+            "halo": None,
+        }
         if control:
             values = np.concatenate([signal[clip.valid] for signal, clip in zip(control, clips, strict=True)])
             self.description["targets"] = {str(q): float(np.percentile(values, q)) for q in QUANTILES}

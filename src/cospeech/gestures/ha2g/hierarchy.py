@@ -114,12 +114,25 @@ class Settings(Section, section="ha2g"):
     )
 
 
-RELEASED = {"epochs": 100.0, "batch": 96, "slope": 0.01, "style": 16, "coordinator": "mlp", "reblend": False,
-            "text_input": True, "text_centred": False, "text_copies": True, "contrast": "distance"}  # fmt: skip
+RELEASED = {
+    "epochs": 100.0,
+    "batch": 96,
+    "slope": 0.01,
+    "style": 16,
+    "coordinator": "mlp",
+    "reblend": False,
+    "text_input": True,
+    "text_centred": False,
+    "text_copies": True,
+    "contrast": "distance",
+}
 # (batch, epochs, weight of Huber) where a level table has others than those above: of the logs behind the paper's
 # numbers, and of the code's newest configuration.
-OF_TABLE = {("paper", "ted10"): (128, 100.0, 70.0), ("released", "ted10"): (256, 100.0, 70.0),
-            ("released", "expressive43"): (96, 100.0, 250.0)}  # fmt: skip
+OF_TABLE = {
+    ("paper", "ted10"): (128, 100.0, 70.0),
+    ("released", "ted10"): (256, 100.0, 70.0),
+    ("released", "expressive43"): (96, 100.0, 250.0),
+}
 
 
 def published(preset, table):
@@ -198,7 +211,7 @@ class HA2GTask(AdversarialTask):
         if s.weights["adversarial"]:
             discriminator = Discriminator(self.channels, FRAMES, s.slope, s.width, s.layers, s.dropout)
             self.add("discriminator", discriminator, s.discriminator_rate * s.learning_rate, s.betas)
-        tensor = lambda array: torch.as_tensor(array, dtype=torch.float32, device=device())  # noqa: E731
+        tensor = lambda array: torch.as_tensor(array, dtype=torch.float32, device=device())
         self.mean = tensor(corpus.mean)
         self.angles = [tensor(array) for array in corpus.angle_statistics()]
 

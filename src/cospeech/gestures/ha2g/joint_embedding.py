@@ -46,9 +46,17 @@ class PoseEncoder(nn.Module):
             layers += [nn.Conv1d(sizes[i], sizes[i + 1], kernel, stride), nn.BatchNorm1d(sizes[i + 1])]
             layers += [nn.LeakyReLU(0.2)]
         self.body = nn.Sequential(
-            *layers, nn.Conv1d(64, 32, 3), nn.Flatten(), nn.Linear(32 * CONVOLVED, 256), nn.BatchNorm1d(256),
-            nn.LeakyReLU(0.2), nn.Linear(256, 128), nn.BatchNorm1d(128), nn.LeakyReLU(0.2), nn.Linear(128, EMBEDDED),
-        )  # fmt: skip
+            *layers,
+            nn.Conv1d(64, 32, 3),
+            nn.Flatten(),
+            nn.Linear(32 * CONVOLVED, 256),
+            nn.BatchNorm1d(256),
+            nn.LeakyReLU(0.2),
+            nn.Linear(256, 128),
+            nn.BatchNorm1d(128),
+            nn.LeakyReLU(0.2),
+            nn.Linear(128, EMBEDDED),
+        )
 
     def forward(self, poses):
         return self.body(poses.transpose(1, 2))
@@ -65,7 +73,7 @@ class SpeechEncoder(nn.Module):
         self.gru = GRU(2 * FEATURES, hidden, 2, dropout, bidirectional=False)
         self.head = nn.Sequential(
             nn.Linear(hidden, 128), nn.BatchNorm1d(128), nn.LeakyReLU(0.2), nn.Linear(128, EMBEDDED)
-        )  # fmt: skip
+        )
 
     def forward(self, wave, words):
         return self.head(self.gru(torch.cat([self.audio(wave), self.text(words)], dim=2))[:, -1])
@@ -84,11 +92,9 @@ class JointEmbedding(nn.Module):
         self.poses = PoseEncoder(channels)
         self.start = nn.Sequential(
             nn.Flatten(), nn.Linear(SEED_FRAMES * channels, 32), nn.BatchNorm1d(32), nn.ReLU(), nn.Linear(32, 32)
-        )  # fmt: skip
+        )
         self.gru = GRU(32 + EMBEDDED, hidden, s.layers, s.dropout)
-        self.head = nn.Sequential(
-            nn.Linear(hidden, hidden // 2), nn.LeakyReLU(0.2), nn.Linear(hidden // 2, channels)
-        )  # fmt: skip
+        self.head = nn.Sequential(nn.Linear(hidden, hidden // 2), nn.LeakyReLU(0.2), nn.Linear(hidden // 2, channels))
 
     def decode(self, embedded, seed):
         """embedded (N, 32), seed (N, 4, C) -> poses (N, 34, C)."""

@@ -53,7 +53,7 @@ def diverging(poses, others, style, other_style, beta=0.05, clamp=1000.0):
 def included_angles(vectors, table):
     """`levels.included_angles` for training: (N, T, V, 3) of any length -> (N, T, P) in units of pi."""
     vectors = F.normalize(vectors, dim=-1)
-    of = lambda numbers: vectors[..., torch.as_tensor(numbers, device=vectors.device), :]  # noqa: E731
+    of = lambda numbers: vectors[..., torch.as_tensor(numbers, device=vectors.device), :]
     first, second = of(table.angle_pairs[:, 0]), of(table.angle_pairs[:, 1])
     normals = torch.cross(of(table.palm_pairs[:, 1]), of(table.palm_pairs[:, 2]), dim=-1)
     first = torch.cat([first, of(table.palm_pairs[:, 0])], dim=-2)

@@ -54,9 +54,7 @@ class Settings(Section, section="speech2gesture"):
 def convolution(dimensions, channels_in, channels, kernel=3, stride=1, padding=1):
     """Convolution, batch norm, LeakyReLU in 1 or 2 dimensions."""
     conv, norm = ((nn.Conv1d, nn.BatchNorm1d), (nn.Conv2d, nn.BatchNorm2d))[dimensions - 1]
-    return nn.Sequential(
-        conv(channels_in, channels, kernel, stride, padding), norm(channels), nn.LeakyReLU(SLOPE)
-    )  # fmt: skip
+    return nn.Sequential(conv(channels_in, channels, kernel, stride, padding), norm(channels), nn.LeakyReLU(SLOPE))
 
 
 class SpectrogramEncoder(nn.Module):
@@ -106,13 +104,17 @@ class Speech2Gesture(nn.Module):
         channels, hidden = 3 * corpus.levels.vectors, scaled(256, settings.width)
         self.audio = SpectrogramEncoder(settings.width)
         self.start = nn.Sequential(
-            nn.Flatten(), nn.Linear(SEED_FRAMES * channels, 32), nn.BatchNorm1d(32), nn.ReLU(),
+            nn.Flatten(),
+            nn.Linear(SEED_FRAMES * channels, 32),
+            nn.BatchNorm1d(32),
+            nn.ReLU(),
             nn.Linear(32, SEED_FEATURES),
-        )  # fmt: skip
+        )
         self.body = nn.Sequential(
-            UNet(hidden + SEED_FEATURES, hidden), *(convolution(1, hidden, hidden) for _ in range(4)),
+            UNet(hidden + SEED_FEATURES, hidden),
+            *(convolution(1, hidden, hidden) for _ in range(4)),
             nn.Conv1d(hidden, channels, 1),
-        )  # fmt: skip
+        )
 
     def forward(self, s2g_mel, seed):
         """s2g_mel (N, 418, 64), seed (N, 4, 3V)."""
@@ -127,9 +129,12 @@ class PatchDiscriminator(nn.Module):
         super().__init__()
         a, b, c = (scaled(n, width) for n in (64, 128, 256))
         self.body = nn.Sequential(
-            nn.Conv1d(channels, a, 4, 2, 1), nn.LeakyReLU(SLOPE), convolution(1, a, b, 4, 2),
-            convolution(1, b, c, 4), nn.Conv1d(c, 1, 4, padding=1),
-        )  # fmt: skip
+            nn.Conv1d(channels, a, 4, 2, 1),
+            nn.LeakyReLU(SLOPE),
+            convolution(1, a, b, 4, 2),
+            convolution(1, b, c, 4),
+            nn.Conv1d(c, 1, 4, padding=1),
+        )
 
     def forward(self, poses):
         return self.body(poses.diff(dim=1).transpose(1, 2)).squeeze(1)

@@ -66,12 +66,20 @@ class WindowTask:
         """What whoever generates has to know, JSON-able."""
         corpus = self.corpus
         return {
-            "model": self.model, "settings": asdict(self.settings), "levels": corpus.levels.name, "fps": FPS,
-            "frames": FRAMES, "seed_frames": SEED_FRAMES, "inputs": {name: list(x.shape[1:]) for name, x in
-            self.example().items()}, "mean": corpus.mean.tolist(), "lengths": corpus.lengths.tolist(),
-            "speakers": list(corpus.speakers), "vocabulary": list(corpus.vocabulary.words) if "words" in self.conditions
-            else [], "multiple": 1, "halo": None,
-        }  # fmt: skip
+            "model": self.model,
+            "settings": asdict(self.settings),
+            "levels": corpus.levels.name,
+            "fps": FPS,
+            "frames": FRAMES,
+            "seed_frames": SEED_FRAMES,
+            "inputs": {name: list(x.shape[1:]) for name, x in self.example().items()},
+            "mean": corpus.mean.tolist(),
+            "lengths": corpus.lengths.tolist(),
+            "speakers": list(corpus.speakers),
+            "vocabulary": list(corpus.vocabulary.words) if "words" in self.conditions else [],
+            "multiple": 1,
+            "halo": None,
+        }
 
     @property
     def remembered(self):
@@ -81,8 +89,14 @@ class WindowTask:
 
     def example(self):
         """{input: example (1, ...)} of the network at work, given one unit after the other; words in float32."""
-        shapes = {"mel": (BINS, COLUMNS), "wave": (SAMPLES,), "s2g_mel": (S2G_COLUMNS, S2G_BINS), "words": (FRAMES,),
-                  "seed": (SEED_FRAMES, self.channels), "speaker": (len(self.corpus.speakers),)}  # fmt: skip
+        shapes = {
+            "mel": (BINS, COLUMNS),
+            "wave": (SAMPLES,),
+            "s2g_mel": (S2G_COLUMNS, S2G_BINS),
+            "words": (FRAMES,),
+            "seed": (SEED_FRAMES, self.channels),
+            "speaker": (len(self.corpus.speakers),),
+        }
         if "speaker" in self.generator.inputs:
             shapes["style"] = (self.settings.style,)
         numbers = torch.Generator().manual_seed(0)

@@ -111,10 +111,7 @@ class TrimodalTask(AdversarialTask):
         style = draw(mean, log_variance)
         features = network.encode(batch["wave"], batch["words"])
         poses = network.infer(features, style, batch["seed"])
-        terms = {
-            "huber": losses.huber([poses], [batch["poses"]]),
-            "divergence": losses.divergence(mean, log_variance),
-        }
+        terms = {"huber": losses.huber([poses], [batch["poses"]]), "divergence": losses.divergence(mean, log_variance)}
         if self.settings.weights["diverging"]:
             with torch.no_grad():
                 speaker = torch.randint(len(self.corpus.speakers), (len(poses),), device=poses.device)

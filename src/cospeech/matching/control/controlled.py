@@ -156,9 +156,12 @@ class _Walk:
             database = replace(self.matcher.database, eligible=eligible)
             frames = min(self.at * WINDOW, self.total) - begin * WINDOW
             match = Matcher(database, self.compiled).search(
-                self.features[begin * WINDOW :], initial=self.pose, exclude_take=self.exclude_take, frames=frames,
+                self.features[begin * WINDOW :],
+                initial=self.pose,
+                exclude_take=self.exclude_take,
+                frames=frames,
                 **self.options,
-            )  # fmt: skip
+            )
             steps = np.zeros(len(match.clip), STEP)
             for name in STEP.names:
                 steps[name] = getattr(match, name)
@@ -251,9 +254,14 @@ class _Walk:
         steps = np.concatenate(self.steps)
         found = {name: steps[name] for name in STEP.names} | {"unmasked": widened == OFF}
         return ControlledMatch(
-            database, **found, frames=self.total, controls=listed, candidates=candidates, widened=widened,
+            database,
+            **found,
+            frames=self.total,
+            controls=listed,
+            candidates=candidates,
+            widened=widened,
             inserted=tuple(self.inserted),
-        )  # fmt: skip
+        )
 
 
 def _allowed(signals, eligible, controls, excluded):
@@ -276,7 +284,7 @@ def clips_of(starts):
 
 def _check_contradictions(signals, controls):
     """CospeechError that names the fewest controls whose bounds rule each other out, in any database."""
-    impossible = lambda group: reduce(Wanted.__and__, (control.wanted for control in group)).impossible(signals)  # noqa: E731
+    impossible = lambda group: reduce(Wanted.__and__, (control.wanted for control in group)).impossible(signals)
     if not controls or not impossible(controls):
         return
     group = next(g for n in range(1, len(controls) + 1) for g in combinations(controls, n) if impossible(g))

@@ -98,10 +98,7 @@ class Gesture:
         if not (0 <= own < len(number) and within[own]):
             return None
         outside = np.flatnonzero(~within)
-        return (
-            int(outside[outside < own].max(initial=-1)) + 1,
-            int(outside[outside > own].min(initial=len(number))),
-        )
+        return (int(outside[outside < own].max(initial=-1)) + 1, int(outside[outside > own].min(initial=len(number))))
 
     def pose(self, frame, normalization):
         """(96,) normalised pose feature of a frame."""
@@ -174,9 +171,15 @@ def gestures_of_word(database, word):
         if high > low:
             part, stroke = slice(begin + low, begin + high), stroke - low
             gesture = Gesture(
-                flat[part], None if rotation is None else rotation[part], stroke - EXTENT, stroke, stroke + EXTENT,
-                database.takes[take], zero + low / fps, int(begin + low),
-            )  # fmt: skip
+                flat[part],
+                None if rotation is None else rotation[part],
+                stroke - EXTENT,
+                stroke,
+                stroke + EXTENT,
+                database.takes[take],
+                zero + low / fps,
+                int(begin + low),
+            )
             found.append((vigour, gesture))
     least = VIGOUR * max((vigour for vigour, _ in found), default=0.0)
     return [gesture for vigour, gesture in found if vigour >= least]

@@ -40,7 +40,7 @@ def needs_previous(signal):
 
 def tested(controls):
     """Those of `controls` that ask something of the step: strict ones with a signal that looks back."""
-    bounds = lambda control: (bound for bounds in control.wanted.alternatives for bound in bounds)  # noqa: E731
+    bounds = lambda control: (bound for bounds in control.wanted.alternatives for bound in bounds)
     return [
         control
         for control in controls

@@ -70,18 +70,25 @@ def parts_of(take, positions, features, valid, rotation, start, words, clip_fram
     """The `Parts` of one stretch."""
     whole = len(positions) // clip_frames
     kept = whole * clip_frames
-    cut = lambda array: array[:kept].reshape(whole, clip_frames, *array.shape[1:])  # noqa: E731
+    cut = lambda array: array[:kept].reshape(whole, clip_frames, *array.shape[1:])
     build = Build.measure(positions[valid] if valid.any() else positions)
     after = np.minimum(np.arange(kept, kept + LOOKAHEAD), len(positions) - 1)
     return Parts(
-        cut(positions).astype(np.float32), None if rotation is None else cut(rotation).astype(np.float32),
-        cut(real_lookahead(valid)), cut(features[:, :STATIC]).astype(np.float32),
-        joints_of(positions[after])[None].astype(np.float32), features[after, :STATIC][None].astype(np.float32),
-        np.array([whole], np.int32), build.bone_lengths[None].astype(np.float32),
+        cut(positions).astype(np.float32),
+        None if rotation is None else cut(rotation).astype(np.float32),
+        cut(real_lookahead(valid)),
+        cut(features[:, :STATIC]).astype(np.float32),
+        joints_of(positions[after])[None].astype(np.float32),
+        features[after, :STATIC][None].astype(np.float32),
+        np.array([whole], np.int32),
+        build.bone_lengths[None].astype(np.float32),
         build.palms[None].astype(np.float32),
-        np.zeros(whole, np.int32), [take], start + np.arange(whole) * clip_frames / fps,
-        Words(words.start + start, words.end + start, list(words.text)), np.zeros(len(words), np.int32),
-    )  # fmt: skip
+        np.zeros(whole, np.int32),
+        [take],
+        start + np.arange(whole) * clip_frames / fps,
+        Words(words.start + start, words.end + start, list(words.text)),
+        np.zeros(len(words), np.int32),
+    )
 
 
 def joined_parts(parts):

@@ -12,9 +12,15 @@ AUDIO_STEPS = (0, 2, 4, 6, 8, 10, 12, 14)  # frames ahead that an audio feature 
 LOOKAHEAD = max(AUDIO_STEPS)
 STATIC = 14  # 13 MFCC and the log energy lead the 28 speech features; their derivatives are not searched
 JOINTS = UPPER55.joints(
-    "right_elbow", "right_wrist", "left_elbow", "left_wrist",
-    "right_index_0", "right_little_0", "left_index_0", "left_little_0",
-)  # fmt: skip
+    "right_elbow",
+    "right_wrist",
+    "left_elbow",
+    "left_wrist",
+    "right_index_0",
+    "right_little_0",
+    "left_index_0",
+    "left_little_0",
+)
 POSE_WIDTH = 3 * len(JOINTS) * len(POSE_STEPS)  # 96
 AUDIO_WIDTH = STATIC * len(AUDIO_STEPS)  # 112
 CONSTANT = 1e-5  # a dimension that deviates less (metres, or MFCC units) carries no information

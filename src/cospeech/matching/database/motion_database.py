@@ -144,9 +144,18 @@ class Database:
 
     @classmethod
     def from_arrays(
-        cls, positions, features, takes, clip_frames=CLIP_FRAMES, fps=15.0, *, starts=None, valid=None, rotations=None,
+        cls,
+        positions,
+        features,
+        takes,
+        clip_frames=CLIP_FRAMES,
+        fps=15.0,
+        *,
+        starts=None,
+        valid=None,
+        rotations=None,
         words=None,
-    ):  # fmt: skip
+    ):
         """Cut continuous stretches of speech and motion into clips that do not overlap.
 
         Parameters
@@ -200,11 +209,27 @@ class Database:
             for clip in raw:
                 clip[:] = normalization(clip)
         database = cls(
-            pose, audio, parts.positions, parts.rotation, _window_starts(parts.real), parts.take, parts.takes,
-            parts.start, float(fps), *normalizations, parts.words, parts.word_take, parts.real, speech=parts.speech,
-            joints_after=parts.joints_after, speech_after=parts.speech_after, clips=parts.clips,
-            bones=parts.bones, palms=parts.palms, moments=moments,
-        )  # fmt: skip
+            pose,
+            audio,
+            parts.positions,
+            parts.rotation,
+            _window_starts(parts.real),
+            parts.take,
+            parts.takes,
+            parts.start,
+            float(fps),
+            *normalizations,
+            parts.words,
+            parts.word_take,
+            parts.real,
+            speech=parts.speech,
+            joints_after=parts.joints_after,
+            speech_after=parts.speech_after,
+            clips=parts.clips,
+            bones=parts.bones,
+            palms=parts.palms,
+            moments=moments,
+        )
         database._add_known_signals(signals or {})
         return database
 
@@ -230,9 +255,13 @@ class Database:
     def save(self, path):
         """Write the HDF5 file whole or not at all. Large arrays lie in it plainly, ready to be memory-mapped."""
         head = {
-            "fps": self.fps, "clips": len(self), "clip_frames": self.clip_frames, "skeleton": UPPER55.name,
-            "units": "m", "cospeech_version": __version__,
-        }  # fmt: skip
+            "fps": self.fps,
+            "clips": len(self),
+            "clip_frames": self.clip_frames,
+            "skeleton": UPPER55.name,
+            "units": "m",
+            "cospeech_version": __version__,
+        }
         with writing_hdf5(path, SCHEMA, **head) as file:
             file.create_group("signals")
             for name in WIDTHS:
@@ -285,10 +314,15 @@ class Database:
             normalization[f"{name}_normalization"] = Normalization(mean[()], std[()])
             moments.append(Moments(int(square.attrs["count"]), mean[()], square[()]))
         return cls(
-            **large, **normalization, **({"rotation": None} | small), fps=fps, moments=tuple(moments),
-            takes=list(file["takes"].asstr()[()]), signals={n: _stored(path, d) for n, d in file["signals"].items()},
+            **large,
+            **normalization,
+            **({"rotation": None} | small),
+            fps=fps,
+            moments=tuple(moments),
+            takes=list(file["takes"].asstr()[()]),
+            signals={n: _stored(path, d) for n, d in file["signals"].items()},
             words=Words(file["words/start"][()], file["words/end"][()], list(file["words/text"].asstr()[()])),
-        )  # fmt: skip
+        )
 
 
 def extend(path, clips, out=None, starts=None):
@@ -305,11 +339,14 @@ def _arrays_of(clips):
         raise CospeechError(f"database: clips of different rates, {sorted(rates)} fps; make them at one rate")
     rotations = [clip.rotation for clip in clips]
     return {
-        "positions": [clip.positions for clip in clips], "features": [clip.features for clip in clips],
-        "takes": [clip.clip for clip in clips], "fps": rates.pop() if rates else 15.0,
-        "valid": [clip.valid for clip in clips], "words": [clip.words for clip in clips],
+        "positions": [clip.positions for clip in clips],
+        "features": [clip.features for clip in clips],
+        "takes": [clip.clip for clip in clips],
+        "fps": rates.pop() if rates else 15.0,
+        "valid": [clip.valid for clip in clips],
+        "words": [clip.words for clip in clips],
         "rotations": None if any(r is None for r in rotations) else rotations,
-    }  # fmt: skip
+    }
 
 
 def _parts(positions, features, takes, clip_frames, fps, starts=None, valid=None, rotations=None, words=None):

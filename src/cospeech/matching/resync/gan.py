@@ -234,9 +234,13 @@ class ResyncTask:
             self.modules["kept"] = Kept(self.generator)
         self.own = self.windows.statistics("matched") if settings.statistics == "mixed" else statistics["motion"]
         self.description = {
-            "model": "resync", "settings": asdict(settings), "fps": fps, "multiple": MULTIPLE, "halo": HALO,
+            "model": "resync",
+            "settings": asdict(settings),
+            "fps": fps,
+            "multiple": MULTIPLE,
+            "halo": HALO,
             **speaker_build(clips).lists(),
-        }  # fmt: skip
+        }
 
     def _signal_statistics(self, conditions):
         """Mean and deviation (S,), (S,) of the conditions over the real windows."""

@@ -51,8 +51,24 @@ def _decide(rows, keys, limit, q, angular):
 
 
 @njit(cache=True, parallel=True, fastmath=FAST)
-def scan_one(first_rows, second_rows, shift, angular, index, allowed, take, start, exclude, q, q32, norm, r32, frame,
-             keys, squares):  # fmt: skip
+def scan_one(
+    first_rows,
+    second_rows,
+    shift,
+    angular,
+    index,
+    allowed,
+    take,
+    start,
+    exclude,
+    q,
+    q32,
+    norm,
+    r32,
+    frame,
+    keys,
+    squares,
+):
     """One query: per clip the best frame by the first feature, and the keys of both features there.
 
     first_rows (M, F, D), second_rows (M, F, E) float32; shift: the second feature is that of so many frames later;
@@ -103,8 +119,9 @@ def _best(rows, row, angular, q, q32, norm):
 
 
 @njit(cache=True, parallel=True, fastmath=FAST)
-def scan_many(first_rows, second_rows, shift, angular, allowed, take, start, exclude, q, panels, norm, r32, frame, keys,
-              squares):  # fmt: skip
+def scan_many(
+    first_rows, second_rows, shift, angular, allowed, take, start, exclude, q, panels, norm, r32, frame, keys, squares
+):
     """`scan_one` for B queries at once: matrix products per clip, whose rows stay in the cache until all is decided.
 
     q (B, D) float64, panels (P, D, COLUMNS) float32: the queries as columns, COLUMNS at a time, the last filled up;

@@ -9,9 +9,16 @@ from cospeech.matching.database.motion_database import Database
 
 # One step of Algorithm 1: where the window starts, its ranks and distances, and whether the mask was set aside for it.
 STEP = np.dtype(
-    [("clip", "i8"), ("frame", "i8"), ("pose_rank", "i8"), ("audio_rank", "i8"), ("pose_distance", "f4"),
-     ("audio_distance", "f4"), ("unmasked", "?")]
-)  # fmt: skip
+    [
+        ("clip", "i8"),
+        ("frame", "i8"),
+        ("pose_rank", "i8"),
+        ("audio_rank", "i8"),
+        ("pose_distance", "f4"),
+        ("audio_distance", "f4"),
+        ("unmasked", "?"),
+    ]
+)
 
 
 @dataclass(frozen=True)

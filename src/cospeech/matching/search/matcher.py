@@ -44,9 +44,17 @@ class Matcher:
         return self.database.audio_normalization(audio_features(features)[at])
 
     def search(
-        self, features, k=1, mask=None, initial="mean", seed=0, variant="pose", exclude_take=None, frames=None,
+        self,
+        features,
+        k=1,
+        mask=None,
+        initial="mean",
+        seed=0,
+        variant="pose",
+        exclude_take=None,
+        frames=None,
         placement=None,
-    ):  # fmt: skip
+    ):
         """Algorithm 1 for one speech: (T, 28) features -> Match of W = ceil(T / 8) windows.
 
         Parameters
@@ -66,9 +74,17 @@ class Matcher:
         return self.search_batch([features], **options, exclude_take=[exclude_take], placement=placement)[0]
 
     def search_batch(
-        self, features, k=1, mask=None, initial="mean", seed=0, variant="pose", exclude_take=None, frames=None,
+        self,
+        features,
+        k=1,
+        mask=None,
+        initial="mean",
+        seed=0,
+        variant="pose",
+        exclude_take=None,
+        frames=None,
         placement=None,
-    ):  # fmt: skip
+    ):
         """`search` for a list of speeches at once, to the same indices: -> list of Match.
 
         k, seed and exclude_take may be lists with one entry per speech, initial (B, 96); mask is shared by all.
@@ -94,9 +110,7 @@ class Matcher:
         lengths = [len(f) if frames is None else frames for f in features]
         return [Match.of(self.database, found[: windows[i], i], lengths[i]) for i in range(count)]
 
-    def stream(
-        self, k=1, mask=None, initial="mean", seed=0, variant="pose", exclude_take=None, placement=None
-    ):  # fmt: skip
+    def stream(self, k=1, mask=None, initial="mean", seed=0, variant="pose", exclude_take=None, placement=None):
         """A `Stream` that is fed speech features as they arrive and finds what `search` would find.
 
         mask : as in `search`, or a function of the window's number that gives its (M, F) bool mask, or None for none.

@@ -128,6 +128,16 @@ def choose_many(first_rows, second_rows, shift, angular, frame, keys, squares, q
             bound = key_bound(first_rows.shape[2], largest, norm[b], angular)
             bound_r = key_bound(second_rows.shape[2], largest_r, norm_r[b], not angular)
             found[b] = choose(
-                first_rows, second_rows, shift, angular, frames[b - begin], both[b - begin], bound, bound_r, q[b], r[b],
-                k[b], single,
-            )  # fmt: skip
+                first_rows,
+                second_rows,
+                shift,
+                angular,
+                frames[b - begin],
+                both[b - begin],
+                bound,
+                bound_r,
+                q[b],
+                r[b],
+                k[b],
+                single,
+            )

@@ -58,7 +58,7 @@ class Similarity:
 
     def embed(self, tower, rows):
         """Normalised (N, 112) audio or (N, 192) motion features -> (N, embedding) float32 unit vectors."""
-        part = lambda name: self.arrays[f"{tower}.{name}"].astype(np.float64)  # noqa: E731
+        part = lambda name: self.arrays[f"{tower}.{name}"].astype(np.float64)
         hidden = np.maximum(rows.astype(np.float64) @ part("0.weight").T + part("0.bias"), 0.0)
         found = hidden @ part("3.weight").T + part("3.bias")
         return (found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)).astype(np.float32)
@@ -140,10 +140,12 @@ def _task(database, settings):
         def __init__(self):
             self.clip, self.frame = usable(database)
             widths = {"audio": AUDIO_WIDTH, "motion": 2 * POSE_WIDTH}
-            tower = lambda width: nn.Sequential(  # noqa: E731
-                nn.Linear(width, settings.hidden), nn.ReLU(), nn.Dropout(settings.dropout),
+            tower = lambda width: nn.Sequential(
+                nn.Linear(width, settings.hidden),
+                nn.ReLU(),
+                nn.Dropout(settings.dropout),
                 nn.Linear(settings.hidden, settings.embedding),
-            )  # fmt: skip
+            )
             self.towers = nn.ModuleDict({name: tower(widths[name]) for name in TOWERS}).to(device())
             self.modules = {"towers": self.towers}
             options = {"lr": settings.learning_rate, "weight_decay": settings.weight_decay}

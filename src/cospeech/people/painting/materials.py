@@ -7,18 +7,36 @@ import numpy as np
 from cospeech.people.painting.raster import CHECKS, OPENING, PATCHES, PLAIN
 
 BALD, SHORT, MEDIUM, LONG, BUN, CURLS = range(6)
-SKIN = np.array([
-    [0.97, 0.82, 0.72], [0.93, 0.74, 0.62], [0.86, 0.66, 0.52], [0.74, 0.54, 0.41], [0.58, 0.40, 0.29],
-    [0.42, 0.28, 0.20],
-])  # fmt: skip
-HAIR = np.array([
-    [0.10, 0.08, 0.07], [0.20, 0.13, 0.09], [0.34, 0.22, 0.13], [0.62, 0.46, 0.26], [0.50, 0.24, 0.12],
-    [0.62, 0.61, 0.60],
-])  # fmt: skip
-SOBER = np.array([
-    [0.24, 0.32, 0.50], [0.80, 0.80, 0.78], [0.30, 0.30, 0.33], [0.52, 0.22, 0.22], [0.32, 0.42, 0.34],
-    [0.62, 0.57, 0.48],
-])  # fmt: skip
+SKIN = np.array(
+    [
+        [0.97, 0.82, 0.72],
+        [0.93, 0.74, 0.62],
+        [0.86, 0.66, 0.52],
+        [0.74, 0.54, 0.41],
+        [0.58, 0.40, 0.29],
+        [0.42, 0.28, 0.20],
+    ]
+)
+HAIR = np.array(
+    [
+        [0.10, 0.08, 0.07],
+        [0.20, 0.13, 0.09],
+        [0.34, 0.22, 0.13],
+        [0.62, 0.46, 0.26],
+        [0.50, 0.24, 0.12],
+        [0.62, 0.61, 0.60],
+    ]
+)
+SOBER = np.array(
+    [
+        [0.24, 0.32, 0.50],
+        [0.80, 0.80, 0.78],
+        [0.30, 0.30, 0.33],
+        [0.52, 0.22, 0.22],
+        [0.32, 0.42, 0.34],
+        [0.62, 0.57, 0.48],
+    ]
+)
 JEANS = np.array([[0.20, 0.25, 0.38], [0.16, 0.16, 0.18], [0.45, 0.41, 0.35], [0.33, 0.36, 0.40]])
 IRISES = np.array([[0.30, 0.20, 0.12], [0.30, 0.42, 0.55], [0.35, 0.42, 0.28], [0.18, 0.12, 0.09]])
 
@@ -81,8 +99,21 @@ def draw_materials(dice, domain, female, age):
     legs = np.where(dice.chance(0.85), 1.95, dice.uniform(0.6, 1.1)) if wild else np.full(len(dice), 1.95)
     lips = skin * [0.92, 0.62, 0.62] * np.where(female & dice.chance(0.4), 0.85, 1.0)[:, None]
     return Materials(
-        skin, np.clip(hair, 0, 1), top, top2, bottom, colors(dice, 0.5) * 0.6 if wild else 0.3 * top + 0.1, lips,
-        dice.pick(IRISES), style, sleeves, legs, dice.uniform(1.05, 1.4 if wild else 1.15), pattern, period,
-        ~female & (age > 20) & dice.chance(0.3), female & dice.chance(0.2 if wild else 0.0),
+        skin,
+        np.clip(hair, 0, 1),
+        top,
+        top2,
+        bottom,
+        colors(dice, 0.5) * 0.6 if wild else 0.3 * top + 0.1,
+        lips,
+        dice.pick(IRISES),
+        style,
+        sleeves,
+        legs,
+        dice.uniform(1.05, 1.4 if wild else 1.15),
+        pattern,
+        period,
+        ~female & (age > 20) & dice.chance(0.3),
+        female & dice.chance(0.2 if wild else 0.0),
         dice.chance(0.22 if wild else 0.12),
-    )  # fmt: skip
+    )

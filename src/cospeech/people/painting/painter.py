@@ -101,9 +101,14 @@ def person_solids(joints, appearance, *, head=None, expression=None, seated=Fals
     skin = skull_center(crown, head, height)[:, None] + skin @ np.swapaxes(head, 1, 2)
     alike = np.zeros(count, int)
     person = Bodies(
-        joints, head, height, skin, faces.gaze(expression),
-        np.full(count, appearance.girth), np.full(count, appearance.female),
-    )  # fmt: skip
+        joints,
+        head,
+        height,
+        skin,
+        faces.gaze(expression),
+        np.full(count, appearance.girth),
+        np.full(count, appearance.female),
+    )
     return body_solids(person, appearance.materials[alike])
 
 
@@ -136,7 +141,7 @@ def draw_person(image, joints, appearance, camera, *, head=None, expression=None
 
     joints (55 or 61, 3), head (3, 3), expression (64,) of one frame, as in `person_solids`; camera K (3, 3).
     """
-    one = lambda x: None if x is None else np.asarray(x)[None]  # noqa: E731
+    one = lambda x: None if x is None else np.asarray(x)[None]
     solids = person_solids(
         np.asarray(joints)[None], appearance, head=one(head), expression=one(expression), seated=seated
     )

@@ -35,10 +35,15 @@ def furniture(dice, joints, view, domain, part, framing, seated):
     tiles = dice.chance(0.32) & (domain == "wild")
     tone = colors(dice, 0.4) if domain == "wild" else np.multiply.outer(dice.uniform(0.43, 0.68), np.ones(3))
     solids.box(
-        room.at(0, low, 0), room.turned(dice.uniform(-0.6, 0.6)),
-        _half(4.0, 0.02, 3.0, shown=floor), tone, THING,
-        color2=tone * 0.75, pattern=np.where(tiles, raster.CHECKS, 0), period=dice.uniform(0.15, 0.6),
-    )  # fmt: skip
+        room.at(0, low, 0),
+        room.turned(dice.uniform(-0.6, 0.6)),
+        _half(4.0, 0.02, 3.0, shown=floor),
+        tone,
+        THING,
+        color2=tone * 0.75,
+        pattern=np.where(tiles, raster.CHECKS, 0),
+        period=dice.uniform(0.15, 0.6),
+    )
     if domain == "wild" and part != "hand":
         desk = np.where(seated, dice.chance(0.6), (framing == 1) & dice.chance(0.25))
         _desk(solids, dice, room, joints, desk)

@@ -5,9 +5,24 @@ import numpy as np
 from cospeech.people.painting import raster
 
 PARTS = (
-    "nothing", "trunk", "neck", "head", "hair", "right_upper_arm", "right_forearm", "right_hand", "left_upper_arm",
-    "left_forearm", "left_hand", "right_thigh", "right_shank", "right_foot", "left_thigh", "left_shank", "left_foot",
-)  # fmt: skip
+    "nothing",
+    "trunk",
+    "neck",
+    "head",
+    "hair",
+    "right_upper_arm",
+    "right_forearm",
+    "right_hand",
+    "left_upper_arm",
+    "left_forearm",
+    "left_hand",
+    "right_thigh",
+    "right_shank",
+    "right_foot",
+    "left_thigh",
+    "left_shank",
+    "left_foot",
+)
 CODE = {name: i for i, name in enumerate(PARTS)}  # of the person; things and other people follow
 THING, BYSTANDER = 100, 200
 

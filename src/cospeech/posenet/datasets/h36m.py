@@ -23,7 +23,7 @@ from cospeech.posenet.datasets.reading import (
     read_image,
     seen,
     skipping,
-)  # fmt: skip
+)
 from cospeech.posenet.samples import Sample
 from cospeech.skeleton import Skeleton
 
@@ -131,7 +131,7 @@ def _factor(poses, skeleton, scale):
     """What makes a recording (n, J, 3) metric (1) or of universal size."""
     if scale == "metric":
         return 1.0
-    length = lambda a, b: np.linalg.norm(np.subtract(*(poses[:, skeleton.index[name]] for name in (a, b))), axis=-1)  # noqa: E731
+    length = lambda a, b: np.linalg.norm(np.subtract(*(poses[:, skeleton.index[name]] for name in (a, b))), axis=-1)
     height = length("left_knee", "left_hip") + length("pelvis", "spine") + length("spine", "neck")
     return UNIVERSAL / np.median(height)
 

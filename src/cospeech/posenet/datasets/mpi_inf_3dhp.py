@@ -26,16 +26,30 @@ from cospeech.posenet.datasets.reading import (
     read_image,
     seen,
     skipping,
-)  # fmt: skip
+)
 from cospeech.posenet.evaluation.pose_metrics import SCENES
 from cospeech.posenet.samples import Sample
 
 SCALES = {"universal": "univ_annot3", "metric": "annot3"}
 CAMERAS = (0, 1, 2, 4, 5, 6, 7, 8)  # the authors' subset
 FRAMES = {
-    (1, 1): 6416, (1, 2): 12430, (2, 1): 6502, (2, 2): 6081, (3, 1): 12488, (3, 2): 12283, (4, 1): 6171, (4, 2): 6675,
-    (5, 1): 12820, (5, 2): 12312, (6, 1): 6188, (6, 2): 6145, (7, 1): 6239, (7, 2): 6320, (8, 1): 6468, (8, 2): 6054,
-}  # of (subject, sequence), as the owners' scripts list them; the annotation has rows beyond  # fmt: skip
+    (1, 1): 6416,
+    (1, 2): 12430,
+    (2, 1): 6502,
+    (2, 2): 6081,
+    (3, 1): 12488,
+    (3, 2): 12283,
+    (4, 1): 6171,
+    (4, 2): 6675,
+    (5, 1): 12820,
+    (5, 2): 12312,
+    (6, 1): 6188,
+    (6, 2): 6145,
+    (7, 1): 6239,
+    (7, 2): 6320,
+    (8, 1): 6468,
+    (8, 2): 6054,
+}  # of (subject, sequence), as the owners' scripts list them; the annotation has rows beyond
 NO_GREEN_SCREEN = {(1, 2), (4, 2)}  # whose background masks the owners tell not to use
 BEYOND = "annotation without a frame of the film"
 FOCAL = {1: 1499.2 / 2048, 5: 1684.0 / 1920}  # of TS1 to TS4 and of TS5 and TS6, in widths of the image
@@ -193,9 +207,12 @@ def _test_sequence(place, dropped, sequence, every, poses):
         height, width = image.shape[:2]
         matrix = camera_matrix(FOCAL[1 if sequence < 5 else 5] * width, width, height)
         tags = {
-            "subject": f"TS{sequence}", "sequence": str(sequence), "scene": SCENES[sequence - 1],
-            "activity": str(activity[i]), "frame": str(i + 1),
-        }  # fmt: skip
+            "subject": f"TS{sequence}",
+            "sequence": str(sequence),
+            "scene": SCENES[sequence - 1],
+            "activity": str(activity[i]),
+            "frame": str(i + 1),
+        }
         yield Sample(image, points, visible, body3d(joints3d[i], JOINTS17), matrix, None, tags)
 
 

@@ -15,9 +15,22 @@ from cospeech.posenet.threads import in_threads
 
 
 def augment(
-    batch, rng, size, *, part="body", margin=1.0, scale=0.2, rotate=30.0, translate=0.1, flip=0.5, colour=0.2,
-    background=None, replace=0.5, occlude=0.0, blur=0.0,
-):  # fmt: skip
+    batch,
+    rng,
+    size,
+    *,
+    part="body",
+    margin=1.0,
+    scale=0.2,
+    rotate=30.0,
+    translate=0.1,
+    flip=0.5,
+    colour=0.2,
+    background=None,
+    replace=0.5,
+    occlude=0.0,
+    blur=0.0,
+):
     """Random crops of a batch: `Batch` of N crops of any side -> new `Batch` of N crops of side `size`.
 
     Parameters

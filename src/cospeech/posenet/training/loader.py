@@ -49,8 +49,17 @@ class Mixture:
         for store, people, low in zip(self.stores, self.people, self.starts[:-1], strict=True):
             mine = chosen[(chosen >= low) & (chosen < low + len(store))] - low
             if len(mine):
-                pieces.append(augment(people[mine], rng, size, part=self.part, margin=store.margin,
-                                      background=self.backgrounds, **options))  # fmt: skip
+                pieces.append(
+                    augment(
+                        people[mine],
+                        rng,
+                        size,
+                        part=self.part,
+                        margin=store.margin,
+                        background=self.backgrounds,
+                        **options,
+                    )
+                )
         return _joined(pieces, ("images", *LABELS))
 
     def labels(self, chosen, rng, size, **options):

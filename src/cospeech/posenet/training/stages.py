@@ -185,9 +185,13 @@ class PoseTask:
         self.loader = Loader(self.draw, self.total, prefetch=PREFETCH if _spare_core() else 0)
         kept = {k: v for k, v in asdict(settings).items() if k not in (*SHAPE, "people", "threads")}
         self.description = {
-            "model": "posenet", "part": people.part, "design": asdict(self.design), "settings": kept,
-            "mean_pose": people.mean_pose.round(1).tolist(), "licence_note": people.licence_note,
-        }  # fmt: skip
+            "model": "posenet",
+            "part": people.part,
+            "design": asdict(self.design),
+            "settings": kept,
+            "mean_pose": people.mean_pose.round(1).tolist(),
+            "licence_note": people.licence_note,
+        }
 
     def _optimizer(self, discrepancy):
         """One for each stage, as each starts anew; the layers that stage 1 trains may learn slower in the last."""
@@ -298,9 +302,13 @@ def train_posenet(paths, settings, *, seed, folder, imagenet=None, checkpoint=No
     torch.set_flush_denormal(True)  # dying activations would slow a training down tenfold
     try:
         history = train(
-            task, task.total, seed=seed, checkpoint=checkpoint,
-            identity=identity.hexdigest(), label=f"posenet {task.people.part}",
-        )  # fmt: skip
+            task,
+            task.total,
+            seed=seed,
+            checkpoint=checkpoint,
+            identity=identity.hexdigest(),
+            label=f"posenet {task.people.part}",
+        )
     finally:
         task.loader.close()
         torch.set_flush_denormal(False)

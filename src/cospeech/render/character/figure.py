@@ -24,15 +24,35 @@ LIGHT = unit(np.float32([0.45, 0.75, 0.65]))
 SIDES = 20  # of a trunk ring and of the neck
 # The trunk from below: height as a fraction of pelvis (0) to shoulder line (1), half width and half depth in metres of
 # a character whose trunk is 0.5 m. Trousers end where the shirt begins; the collar's last ring turns inwards.
-TROUSER_RINGS = np.array([
-    [-0.26, 0.030, 0.020], [-0.25, 0.080, 0.055], [-0.21, 0.140, 0.090], [-0.12, 0.164, 0.110], [0.02, 0.160, 0.112],
-    [0.07, 0.150, 0.104],
-])  # fmt: skip
-SHIRT_RINGS = np.array([
-    [0.03, 0.120, 0.090], [0.03, 0.163, 0.115], [0.06, 0.163, 0.115], [0.20, 0.148, 0.106], [0.36, 0.138, 0.099],
-    [0.52, 0.147, 0.106], [0.68, 0.165, 0.116], [0.82, 0.180, 0.114], [0.92, 0.182, 0.102], [0.99, 0.166, 0.088],
-    [1.04, 0.122, 0.078], [1.07, 0.082, 0.071], [1.10, 0.068, 0.066], [1.12, 0.064, 0.064], [1.10, 0.050, 0.050],
-])  # fmt: skip
+TROUSER_RINGS = np.array(
+    [
+        [-0.26, 0.030, 0.020],
+        [-0.25, 0.080, 0.055],
+        [-0.21, 0.140, 0.090],
+        [-0.12, 0.164, 0.110],
+        [0.02, 0.160, 0.112],
+        [0.07, 0.150, 0.104],
+    ]
+)
+SHIRT_RINGS = np.array(
+    [
+        [0.03, 0.120, 0.090],
+        [0.03, 0.163, 0.115],
+        [0.06, 0.163, 0.115],
+        [0.20, 0.148, 0.106],
+        [0.36, 0.138, 0.099],
+        [0.52, 0.147, 0.106],
+        [0.68, 0.165, 0.116],
+        [0.82, 0.180, 0.114],
+        [0.92, 0.182, 0.102],
+        [0.99, 0.166, 0.088],
+        [1.04, 0.122, 0.078],
+        [1.07, 0.082, 0.071],
+        [1.10, 0.068, 0.066],
+        [1.12, 0.064, 0.064],
+        [1.10, 0.050, 0.050],
+    ]
+)
 
 
 @dataclass(frozen=True)
@@ -58,8 +78,9 @@ def _limbs(posture):
             yield Limb(f"{side}_knee", f"{side}_ankle", (0.058, 0.042), TROUSERS)
             yield Limb(f"{side}_ankle", f"{side}_toe", (0.044, 0.034), SHOE)
         for finger in ACROSS:
-            palm, *thick = (0.016, 0.0135, 0.012, 0.0105, 0.009) if finger == "thumb" else (
-                0.017, 0.0122, 0.0105, 0.0092, 0.0078)  # fmt: skip
+            palm, *thick = (
+                (0.016, 0.0135, 0.012, 0.0105, 0.009) if finger == "thumb" else (0.017, 0.0122, 0.0105, 0.0092, 0.0078)
+            )
             yield Limb(f"{side}_hand_root", f"{side}_{finger}_0", (palm, thick[0]), hand, 8)
             for bone in range(3):
                 joints = f"{side}_{finger}_{bone}", f"{side}_{finger}_{bone + 1}"
@@ -90,10 +111,15 @@ class Character:
         self.templates = {sides: capsule_template(sides) for sides in self.limbs}
         around = props(self.feet, self.scale, posture) if self.feet else []
         self.props = np.concatenate([np.zeros((0, 3)), *(points for points, *_ in around)]).astype(np.float32)
-        pieces = [(len(self.templates[sides][0]), self.templates[sides][2], limb.color)
-                  for sides, limbs in self.limbs.items() for limb in limbs]  # fmt: skip
-        pieces += [(len(table) * SIDES, grid_triangles(len(table), SIDES), color)
-                   for table, color in ((TROUSER_RINGS, TROUSERS), (SHIRT_RINGS, SHIRT))]  # fmt: skip
+        pieces = [
+            (len(self.templates[sides][0]), self.templates[sides][2], limb.color)
+            for sides, limbs in self.limbs.items()
+            for limb in limbs
+        ]
+        pieces += [
+            (len(table) * SIDES, grid_triangles(len(table), SIDES), color)
+            for table, color in ((TROUSER_RINGS, TROUSERS), (SHIRT_RINGS, SHIRT))
+        ]
         pieces.append((len(self.head.mean), self.head.triangles, self.head.colors))
         pieces += [(len(points), triangles, color) for points, triangles, color in around]
         starts = np.cumsum([0, *(count for count, *_ in pieces)])
@@ -153,8 +179,11 @@ class Character:
         bend = float(np.clip(np.median(bend), 0.2, 0.8))
         share = np.clip(height, 0, 1)
         # A parabola through pelvis, spine and the shoulder line, straight beyond its ends.
-        weights = [(share - bend) * (share - 1) / bend, share * (share - 1) / (bend * (bend - 1)),
-                   share * (share - bend) / (1 - bend)]  # fmt: skip
+        weights = [
+            (share - bend) * (share - 1) / bend,
+            share * (share - 1) / (bend * (bend - 1)),
+            share * (share - bend) / (1 - bend),
+        ]
         centers = np.einsum("kr,ktx->trx", weights, np.stack([low, middle, high]))
         up = unit(high - low)[:, None]
         centers = centers + up * ((height - share) * 0.5 * self.scale)[:, None]

@@ -15,19 +15,25 @@ from cospeech.render.character.skull import around_face
 HEIGHT = 0.240  # metres from chin to crown, of a character whose trunk is 0.5 m
 # Blue, green, red of the parts; the skin is the figure's.
 COLORS = {
-    "hair": (52, 58, 72), "brow": (54, 62, 84), "lash": (44, 42, 54), "lips": (110, 118, 196), "gullet": (40, 28, 62),
-    "nostril": (84, 96, 132), "throat": (148, 168, 202), "upper_teeth": (232, 238, 240), "tongue": (112, 108, 190),
-    "lower_teeth": (220, 227, 230), "white": (244, 246, 246), "iris": (116, 88, 56), "pupil": (32, 26, 24),
+    "hair": (52, 58, 72),
+    "brow": (54, 62, 84),
+    "lash": (44, 42, 54),
+    "lips": (110, 118, 196),
+    "gullet": (40, 28, 62),
+    "nostril": (84, 96, 132),
+    "throat": (148, 168, 202),
+    "upper_teeth": (232, 238, 240),
+    "tongue": (112, 108, 190),
+    "lower_teeth": (220, 227, 230),
+    "white": (244, 246, 246),
+    "iris": (116, 88, 56),
+    "pupil": (32, 26, 24),
     "socket": (168, 172, 204),
-}  # fmt: skip
+}
 IRIS, PUPIL = 0.0060, 0.0032  # metres of an eyeball's vertices from the middle of the iris
 IN_MOUTH = {"upper_teeth": 2, "lower_teeth": 2, "tongue": 1}  # regions, and the axis that they face along
 LIMITS = -0.2, 1.2  # beyond which expressions of a bounded model are not drawn
-JAW, CORNERS, OUTER_LIPS = (
-    slice(2, 15),
-    [36, 39, 42, 45],
-    slice(48, 60),
-)  # landmarks: jaw, of eyes and mouth
+JAW, CORNERS, OUTER_LIPS = (slice(2, 15), [36, 39, 42, 45], slice(48, 60))  # landmarks: jaw, of eyes and mouth
 
 
 def face_of(clip, face=None):
@@ -43,8 +49,10 @@ def face_of(clip, face=None):
         return face, None
     found, known = clip.expression.shape[1], face.expression.shape[2]
     if found != known:
-        raise CospeechError(f"{clip.clip}: has {found} expression coefficients of the face model {clip.face_model!r}, "
-                            f"but {face.name} has {known}; give the model that they are of")  # fmt: skip
+        raise CospeechError(
+            f"{clip.clip}: has {found} expression coefficients of the face model {clip.face_model!r}, "
+            f"but {face.name} has {known}; give the model that they are of"
+        )
     return face, clip.expression
 
 
@@ -64,8 +72,9 @@ class Head:
         self.basis = np.ascontiguousarray(np.concatenate(moves).reshape(len(self.mean) * 3, -1).T, np.float32)
         triangles = _shown(face)
         painted = _painted(face, triangles, skin)
-        self.triangles = np.concatenate([triangles, *(piece.triangles + start for piece, start in
-                                                      zip(pieces, starts, strict=False))]).astype(np.int32)  # fmt: skip
+        self.triangles = np.concatenate(
+            [triangles, *(piece.triangles + start for piece, start in zip(pieces, starts, strict=False))]
+        ).astype(np.int32)
         around = [np.tile(COLORS.get(piece.kind, skin), (len(piece.triangles), 1)) for piece in pieces]
         self.colors = np.concatenate([painted, *around]).astype(np.float32)
 

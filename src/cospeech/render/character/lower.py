@@ -25,8 +25,10 @@ def check_posture(posture):
 def ankles(joints, scale, posture):
     """{side: (3,)}: where the feet stay, below or before the usual places of the hips."""
     place, _ = STANCES[posture]
-    return {side: np.median(joints[f"{side}_hip"].astype(float), 0) + place * np.array([sign, 1, 1]) * scale
-            for side, sign in (("left", 1), ("right", -1))}  # fmt: skip
+    return {
+        side: np.median(joints[f"{side}_hip"].astype(float), 0) + place * np.array([sign, 1, 1]) * scale
+        for side, sign in (("left", 1), ("right", -1))
+    }
 
 
 def legs(joints, scale, posture, feet):
@@ -48,8 +50,11 @@ def legs(joints, scale, posture, feet):
         along = (thigh**2 - shin**2 + length**2) / (2 * length)
         aim = pole * outwards - axis * (axis @ (pole * outwards))[:, None]
         knee = hip + axis * along + unit(aim) * np.sqrt(np.maximum(thigh**2 - along**2, 0))
-        found |= {f"{side}_knee": knee, f"{side}_ankle": ankle,
-                  f"{side}_toe": ankle + np.array([0.04 * sign, -0.045, 0.15]) * scale}  # fmt: skip
+        found |= {
+            f"{side}_knee": knee,
+            f"{side}_ankle": ankle,
+            f"{side}_toe": ankle + np.array([0.04 * sign, -0.045, 0.15]) * scale,
+        }
     return found
 
 
@@ -59,8 +64,16 @@ def props(feet, scale, posture):
     ahead = 0.04 if posture == "standing" else 0.16
     found = [([[floor - 0.012, 0.02], [floor - 0.012, 0.46], [floor, 0.46], [floor, 0.0]], ahead, FLOOR)]
     if posture == "sitting":
-        profile = [[floor, 0.14], [floor + 0.02, 0.13], [floor + 0.03, 0.03], [-0.19, 0.03], [-0.185, 0.18],
-                   [-0.15, 0.19], [-0.12, 0.18], [-0.118, 0.0]]  # fmt: skip
+        profile = [
+            [floor, 0.14],
+            [floor + 0.02, 0.13],
+            [floor + 0.03, 0.03],
+            [-0.19, 0.03],
+            [-0.185, 0.18],
+            [-0.15, 0.19],
+            [-0.12, 0.18],
+            [-0.118, 0.0],
+        ]
         found.append((profile, 0.0, STOOL))
     return [(*_turned(np.array(profile), forward, scale), color) for profile, forward, color in found]
 

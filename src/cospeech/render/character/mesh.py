@@ -21,10 +21,14 @@ def capsule_template(segments):
     """Unit directions (n, 3) around the axis z, end (n,) 0 or 1, and triangles of a capsule with `segments` sides."""
     angles = np.arange(segments) * 2 * np.pi / segments
     latitudes = np.radians([-90, -60, -30, 0, 0, 30, 60, 90] if segments > 8 else [-90, -45, 0, 0, 45, 90])
-    directions = np.stack(np.broadcast_arrays(
-        np.cos(latitudes)[:, None] * np.cos(angles), np.cos(latitudes)[:, None] * np.sin(angles),
-        np.sin(latitudes)[:, None],
-    ), -1)  # fmt: skip
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.cos(latitudes)[:, None] * np.cos(angles),
+            np.cos(latitudes)[:, None] * np.sin(angles),
+            np.sin(latitudes)[:, None],
+        ),
+        -1,
+    )
     end = np.repeat(np.arange(len(latitudes)) >= len(latitudes) / 2, segments).astype(np.float32)
     return directions.reshape(-1, 3).astype(np.float32), end, grid_triangles(len(latitudes), segments)
 
@@ -68,8 +72,9 @@ def ellipsoid(half, rows, columns):
     """Points (rows * columns, 3) about the origin, with half axes (3,), and triangles."""
     latitude = np.linspace(-0.5, 0.5, rows)[:, None] * np.pi
     angle = -np.arange(columns) * 2 * np.pi / columns
-    directions = np.stack(np.broadcast_arrays(
-        np.cos(latitude) * np.cos(angle), np.sin(latitude), np.cos(latitude) * np.sin(angle)), -1)  # fmt: skip
+    directions = np.stack(
+        np.broadcast_arrays(np.cos(latitude) * np.cos(angle), np.sin(latitude), np.cos(latitude) * np.sin(angle)), -1
+    )
     return directions.reshape(-1, 3) * half, grid_triangles(rows, columns)
 
 

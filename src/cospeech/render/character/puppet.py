@@ -96,8 +96,9 @@ def make_puppets(clips, posture, face=None):
     """
     faces = [face_of(clip, face) for clip in clips]
     figures = [Character(clip.positions, each, posture) for clip, (each, _) in zip(clips, faces, strict=True)]
-    posed = [pose(figure, clip, expression) for figure, clip, (_, expression) in
-             zip(figures, clips, faces, strict=True)]  # fmt: skip
+    posed = [
+        pose(figure, clip, expression) for figure, clip, (_, expression) in zip(figures, clips, faces, strict=True)
+    ]
     trunk, trunks = fit_shape([each[2] for each in posed], TOLERANCE)
     head, heads = fit_shape([each[3] for each in posed], TOLERANCE)
     puppets = [

@@ -14,8 +14,22 @@ from cospeech.render.character.mesh import ellipsoid, grid_strips, grid_triangle
 CENTER, POWER = np.array([0.0, 0.020, 0.0]), 2.4
 HALF = {"side": 0.0745, "height": 0.098, "front": 0.095, "back": 0.108}  # of the superelliptic skull
 # The hairline: degrees from the front, and its height; it goes around the ears.
-HAIRLINE = np.array([[0, 0.074], [28, 0.072], [46, 0.062], [58, 0.046], [67, 0.020], [76, -0.008], [83, -0.006],
-                     [88, 0.024], [104, 0.024], [112, -0.026], [132, -0.060], [180, -0.066]])  # fmt: skip
+HAIRLINE = np.array(
+    [
+        [0, 0.074],
+        [28, 0.072],
+        [46, 0.062],
+        [58, 0.046],
+        [67, 0.020],
+        [76, -0.008],
+        [83, -0.006],
+        [88, 0.024],
+        [104, 0.024],
+        [112, -0.026],
+        [132, -0.060],
+        [180, -0.066],
+    ]
+)
 HAIR = [(0.0, -0.004), (0.04, 0.0055), (0.3, 0.0085), (1.0, 0.0125)]  # share of the way to the crown, thickness
 ABOVE = {"brow": 0.0020, "lash": 0.0008}  # metres that lines stand above the skin
 BROWS, LIDS = ((17, 22), (22, 27)), ((36, 40), (42, 46))  # iBUG landmarks, each from the face's right to its left
@@ -61,8 +75,10 @@ def around_face(face):
 
 def _onto_skull(angle, latitude, thick=0.0):
     """Points on the skull, or outside by `thick`, at angles from +x towards +z and at latitudes."""
-    way = np.stack(np.broadcast_arrays(np.cos(latitude) * np.cos(angle), np.sin(latitude),
-                                       np.cos(latitude) * np.sin(angle)), axis=-1)  # fmt: skip
+    way = np.stack(
+        np.broadcast_arrays(np.cos(latitude) * np.cos(angle), np.sin(latitude), np.cos(latitude) * np.sin(angle)),
+        axis=-1,
+    )
     deep = np.where(way[..., 2] > 0, HALF["front"], HALF["back"])
     sizes = np.stack(np.broadcast_arrays(HALF["side"], HALF["height"], deep), axis=-1)
     radius = (np.abs(way / sizes) ** POWER).sum(-1) ** (-1 / POWER)
@@ -149,8 +165,10 @@ def _brow_edges(outwards):
 
 def _lash_edges(outwards):
     thick = 0.0022 * np.clip(np.minimum(outwards, 1.2 - outwards) * 6, 0.25, 1)
-    return (np.stack([0.0015 * (outwards - 0.5), edge, 0.0010 * np.ones_like(edge)], 1)
-            for edge in (thick, -0.0004 * np.ones_like(thick)))  # fmt: skip
+    return (
+        np.stack([0.0015 * (outwards - 0.5), edge, 0.0010 * np.ones_like(edge)], 1)
+        for edge in (thick, -0.0004 * np.ones_like(thick))
+    )
 
 
 def _lip(face, outer, inner, upper, count=17):

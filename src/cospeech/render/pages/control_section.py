@@ -32,12 +32,16 @@ def _table(rows):
     head = "".join(f"<th>{name}</th>" for name in COLUMNS)
     body = ""
     for row in rows:
-        share = lambda x: f"{100 * x:.0f} %"  # noqa: E731
+        share = lambda x: f"{100 * x:.0f} %"
         cells = [
-            MODELS.get(row.model, row.model), f"{row.threshold:.3f} {row.unit}", plus_minus(row.mean, row.deviation, 3),
-            share(row.kept), f"{row.change:.3f}" if math.isfinite(row.change) else "",
-            plus_minus(row.free_mean, row.free_deviation, 3), share(row.free_kept),
-        ]  # fmt: skip
+            MODELS.get(row.model, row.model),
+            f"{row.threshold:.3f} {row.unit}",
+            plus_minus(row.mean, row.deviation, 3),
+            share(row.kept),
+            f"{row.change:.3f}" if math.isfinite(row.change) else "",
+            plus_minus(row.free_mean, row.free_deviation, 3),
+            share(row.free_kept),
+        ]
         name = f"{row.signal} = {row.level}".replace("_", " ") if row.model == BEFORE else ""
         body += f"<tr><td>{escape(name)}</td>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>\n"
     return f'<div class="card scroll"><table><thead><tr>{head}</tr></thead><tbody>\n{body}</tbody></table></div>'
@@ -46,5 +50,7 @@ def _table(rows):
 def _picture(label, path):
     kind = {".svg": "svg+xml", ".png": "png"}[Path(path).suffix]
     source = f"data:image/{kind};base64,{base64.b64encode(Path(path).read_bytes()).decode()}"
-    return (f'<figure class="card"><img src="{source}" alt="{escape(label)}">'
-            f"<figcaption>{escape(label)}</figcaption></figure>")  # fmt: skip
+    return (
+        f'<figure class="card"><img src="{source}" alt="{escape(label)}">'
+        f"<figcaption>{escape(label)}</figcaption></figure>"
+    )

@@ -56,15 +56,19 @@ def player_html(panels, audio=None, title="", posture="standing", subtitles=True
     """
     data = player_data(panels, audio, posture, subtitles, face)
     page = (files("cospeech.render.pages") / "player.html").read_text(encoding="utf-8")
-    parts = {"TITLE": escape(title or " · ".join(str(name) for name, _ in panels)), "SCRIPT": player_script(),
-             "DATA": embedded(data)}  # fmt: skip
+    parts = {
+        "TITLE": escape(title or " · ".join(str(name) for name, _ in panels)),
+        "SCRIPT": player_script(),
+        "DATA": embedded(data),
+    }
     return re.sub("%(TITLE|SCRIPT|DATA)%", lambda place: parts[place[1]], page)
 
 
 def player_script():
     """The JavaScript that defines `CospeechPlayer`, to stand in a page's <script> once for any number of players."""
-    return "\n".join((files("cospeech.render.pages") / f"{name}.js").read_text(encoding="utf-8")
-                     for name in ("puppet", "player"))  # fmt: skip
+    return "\n".join(
+        (files("cospeech.render.pages") / f"{name}.js").read_text(encoding="utf-8") for name in ("puppet", "player")
+    )
 
 
 def embedded(data):
@@ -85,13 +89,24 @@ def player_data(panels, audio=None, posture="standing", subtitles=True, face=Non
     steps = _motion(arrays, puppets, shapes)
     meta, blob = pack(arrays)
     return {
-        "version": VERSION, "duration": duration, "posture": posture, "captions": captions, "arrays": meta,
-        "panels": [{"title": str(name), "frames": clip.frames, "fps": float(clip.fps), "scale": figure.scale}
-                   for (name, clip), figure in zip(panels, figures, strict=True)],
-        "limbs": _limbs(figures[0]), "joints": list(JOINTS), "light": LIGHT.tolist(),
-        "background": list(BACKGROUND[::-1]), "camera": _camera(puppets), **steps,
-        "blob": base64.b64encode(blob).decode(), "audio": _encoded(sound, duration),
-    }  # fmt: skip
+        "version": VERSION,
+        "duration": duration,
+        "posture": posture,
+        "captions": captions,
+        "arrays": meta,
+        "panels": [
+            {"title": str(name), "frames": clip.frames, "fps": float(clip.fps), "scale": figure.scale}
+            for (name, clip), figure in zip(panels, figures, strict=True)
+        ],
+        "limbs": _limbs(figures[0]),
+        "joints": list(JOINTS),
+        "light": LIGHT.tolist(),
+        "background": list(BACKGROUND[::-1]),
+        "camera": _camera(puppets),
+        **steps,
+        "blob": base64.b64encode(blob).decode(),
+        "audio": _encoded(sound, duration),
+    }
 
 
 def _length(clips, sound):
@@ -108,8 +123,10 @@ def _length(clips, sound):
 
 def _limbs(figure):
     """[[sides, [[start joint, end joint, radius, radius], ...]], ...]; radii in units of the character."""
-    return [[sides, [[JOINTS.index(limb.start), JOINTS.index(limb.end), *limb.radii] for limb in group]]
-            for sides, group in figure.limbs.items()]  # fmt: skip
+    return [
+        [sides, [[JOINTS.index(limb.start), JOINTS.index(limb.end), *limb.radii] for limb in group]]
+        for sides, group in figure.limbs.items()
+    ]
 
 
 def _mesh(figure, shapes):
@@ -121,11 +138,17 @@ def _mesh(figure, shapes):
     for sides, (directions, end, _) in figure.templates.items():
         arrays |= {f"directions{sides}": np.float32(directions), f"end{sides}": end.astype(np.uint8)}
     palette, index = np.unique(figure.colors.round().astype(np.uint8), axis=0, return_inverse=True)
-    arrays |= {"triangles": figure.triangles.astype(np.uint16), "palette": palette[:, ::-1],
-               "colors": index.ravel().astype(np.uint8)}  # fmt: skip
+    arrays |= {
+        "triangles": figure.triangles.astype(np.uint16),
+        "palette": palette[:, ::-1],
+        "colors": index.ravel().astype(np.uint8),
+    }
     for name, shape in shapes.items():
-        arrays |= {f"{name}_mean": np.float32(shape.mean), f"{name}_moving": shape.moving.astype(np.uint16),
-                   f"{name}_basis": np.round(shape.basis / _basis_step(shape)).astype(np.int16)}  # fmt: skip
+        arrays |= {
+            f"{name}_mean": np.float32(shape.mean),
+            f"{name}_moving": shape.moving.astype(np.uint16),
+            f"{name}_basis": np.round(shape.basis / _basis_step(shape)).astype(np.int16),
+        }
     return arrays
 
 

@@ -31,20 +31,25 @@ def write_page(path, quality, film=""):
     text = template.substitute(
         title=escape(f"{quality.subject} / {quality.clip}: annotation"),
         summary=escape(
-            f"Refused: {quality.refused}" if quality.refused else
-            f"{quality.frames} frames at {quality.fps:g} Hz ({quality.frames / quality.fps:.1f} s), tracked by "
+            f"Refused: {quality.refused}"
+            if quality.refused
+            else f"{quality.frames} frames at {quality.fps:g} Hz ({quality.frames / quality.fps:.1f} s), tracked by "
             f"{quality.backend or 'an unnamed tracker'}."
         ),
         film=_film(film),
-        shares="\n".join(_row(part, *(getattr(quality, key)[part] for key in ("observed", "interpolated", "excluded")))
-                         for part in quality.observed),
+        shares="\n".join(
+            _row(part, *(getattr(quality, key)[part] for key in ("observed", "interpolated", "excluded")))
+            for part in quality.observed
+        ),
         timelines="\n".join(_timeline(part, known) for part, known in quality.timeline.items()),
-        numbers="\n".join([
-            *(_line(text, style.format(getattr(quality, key))) for key, (text, style) in NUMBERS.items()),
-            *(_line(GATES.get(gate, gate), f"{share:.1%}") for gate, share in quality.dropped.items()),
-        ]),
+        numbers="\n".join(
+            [
+                *(_line(text, style.format(getattr(quality, key))) for key, (text, style) in NUMBERS.items()),
+                *(_line(GATES.get(gate, gate), f"{share:.1%}") for gate, share in quality.dropped.items()),
+            ]
+        ),
         licence=escape(quality.licence_note),
-    )  # fmt: skip
+    )
     with writing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

@@ -35,10 +35,25 @@ ARROWS = {"lower": "↓ lower is better", "higher": "↑ higher is better", "tru
 
 
 def write_report(
-    path, *, title, evaluation=(), histories=None, videos=(), config="", versions=None, timings=(), notices=(),
-    subtitle="", film_bytes=FILM_BYTES, control=(), variants=(), figures=(), tables=(), captions=None,
+    path,
+    *,
+    title,
+    evaluation=(),
+    histories=None,
+    videos=(),
+    config="",
+    versions=None,
+    timings=(),
+    notices=(),
+    subtitle="",
+    film_bytes=FILM_BYTES,
+    control=(),
+    variants=(),
+    figures=(),
+    tables=(),
+    captions=None,
     players=(),
-):  # fmt: skip
+):
     """Write the report as one HTML file that needs no other file and no network.
 
     Parameters
@@ -78,9 +93,10 @@ def write_report(
         subtitle=escape(subtitle),
         opening=OPENING if present else "",
         navigation="".join(f'<a href="#{anchor[name]}">{escape(name)}</a>' for name in present),
-        sections="\n".join(f'<section id="{anchor[name]}"><h2>{escape(name)}</h2>\n{body}</section>'
-                           for name, body in present.items()),
-    )  # fmt: skip
+        sections="\n".join(
+            f'<section id="{anchor[name]}"><h2>{escape(name)}</h2>\n{body}</section>' for name, body in present.items()
+        ),
+    )
     with writing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
 
@@ -93,8 +109,10 @@ def _evaluation(summaries):
         return ""
     metrics = [name for name in METRICS if any(math.isfinite(line.mean.get(name, math.nan)) for line in summaries)]
     subjects = dict.fromkeys(line.subject for line in summaries)
-    tables = [f"<h3>{escape(subject)}</h3>" + _table([line for line in summaries if line.subject == subject], metrics)
-              for subject in subjects]  # fmt: skip
+    tables = [
+        f"<h3>{escape(subject)}</h3>" + _table([line for line in summaries if line.subject == subject], metrics)
+        for subject in subjects
+    ]
     explained = "".join(
         f"<dt>{escape(METRICS[name].label)}</dt>"
         f'<dd>{escape(METRICS[name].about)} <span class="soft">{ARROWS[METRICS[name].better]}</span></dd>'
@@ -110,8 +128,10 @@ the best. Every trained row is the last epoch. <i>n/a</i>: the metric does not a
 
 def _variants(summaries):
     subjects = dict.fromkeys(line.subject for line in summaries)
-    tables = [f"<h3>{escape(name)}</h3>" + _table([s for s in summaries if s.subject == name], COMPARED, LABELS)
-              for name in subjects]  # fmt: skip
+    tables = [
+        f"<h3>{escape(name)}</h3>" + _table([s for s in summaries if s.subject == name], COMPARED, LABELS)
+        for name in subjects
+    ]
     about = """<p>The variants of the search in thesis Table 5.4, where people judged them. Values are mean ± sample
 deviation over test clips.</p>"""
     return about + "".join(tables) if tables else ""
@@ -122,8 +142,7 @@ def _further(paths, captions):
     paths = {Path(path).stem: path for path in paths}
     order = [name for name in captions if name in paths] + [name for name in paths if name not in captions]
     told = {name: dict(captions.get(name, {})) for name in order}
-    return {told[name].pop("title", _title(name)): table_section(paths[name], **told[name])
-            for name in order}  # fmt: skip
+    return {told[name].pop("title", _title(name)): table_section(paths[name], **told[name]) for name in order}
 
 
 def _title(name):
@@ -133,17 +152,24 @@ def _title(name):
 
 def _table(lines, metrics, names=ROWS):
     arrow = {"lower": "↓", "higher": "↑", "truth": "≈"}
-    head = "".join(f"<th>{escape(METRICS[name].label)} {arrow[METRICS[name].better]}"
-                   f"<small>{escape(METRICS[name].unit) or '&nbsp;'}</small></th>" for name in metrics)  # fmt: skip
+    head = "".join(
+        f"<th>{escape(METRICS[name].label)} {arrow[METRICS[name].better]}"
+        f"<small>{escape(METRICS[name].unit) or '&nbsp;'}</small></th>"
+        for name in metrics
+    )
     body = ""
     for line in lines:
         cells = [cell(line, name) for name in metrics]
         values = "".join(f"<td{' class=none' if text == ABSENT else ''}>{escape(text)}</td>" for text in cells)
         real = ' class="real"' if line.row in BASELINES else ""
-        body += (f"<tr{real}><td>{escape(names.get(line.row, line.row))}</td><td>{line.runs}</td><td>{line.clips}</td>"
-                 f"{values}</tr>\n")  # fmt: skip
-    return (f'<div class="card scroll"><table><thead><tr><th>row</th><th>runs</th><th>clips</th>{head}</tr></thead>'
-            f"<tbody>\n{body}</tbody></table></div>")  # fmt: skip
+        body += (
+            f"<tr{real}><td>{escape(names.get(line.row, line.row))}</td><td>{line.runs}</td><td>{line.clips}</td>"
+            f"{values}</tr>\n"
+        )
+    return (
+        f'<div class="card scroll"><table><thead><tr><th>row</th><th>runs</th><th>clips</th>{head}</tr></thead>'
+        f"<tbody>\n{body}</tbody></table></div>"
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------- films
@@ -160,12 +186,16 @@ def _films(videos, folder, most_bytes):
             data = base64.b64encode(path.read_bytes()).decode()
             source = f"data:video/mp4;base64,{data}"
             total, embedded = total + size, embedded + 1
-            figures.append(f'<figure><video controls preload="metadata" src="{source}"></video>'
-                           f"<figcaption>{escape(label)}</figcaption></figure>")  # fmt: skip
+            figures.append(
+                f'<figure><video controls preload="metadata" src="{source}"></video>'
+                f"<figcaption>{escape(label)}</figcaption></figure>"
+            )
         else:
-            figures.append(f'<figure><a href="{_relative(path, folder)}">{escape(path.name)}</a>'
-                           f"<figcaption>{escape(label)}: beside the report, not embedded for its size</figcaption>"
-                           "</figure>")  # fmt: skip
+            figures.append(
+                f'<figure><a href="{_relative(path, folder)}">{escape(path.name)}</a>'
+                f"<figcaption>{escape(label)}: beside the report, not embedded for its size</figcaption>"
+                "</figure>"
+            )
     return f'<div class="films">{"".join(figures)}</div>' if figures else ""
 
 
@@ -179,8 +209,11 @@ def side_by_side(paths, sounds):
 
 def _players(players):
     """Players, each with the motion in the page, and once the script that runs them."""
-    figures = [f'<figure><div class="player"></div><script type="application/json">{embedded(player_data(*shown))}'
-               f"</script><figcaption>{escape(label)}</figcaption></figure>" for label, *shown in players]  # fmt: skip
+    figures = [
+        f'<figure><div class="player"></div><script type="application/json">{embedded(player_data(*shown))}'
+        f"</script><figcaption>{escape(label)}</figcaption></figure>"
+        for label, *shown in players
+    ]
     if not figures:
         return ""
     start = """for (const place of document.querySelectorAll(".player")) {
@@ -227,8 +260,10 @@ def _learning_curve(label, path):
 
 
 def _figure(source, described, caption):
-    return (f'<figure class="card"><img src="{source}" alt="{escape(described)}">'
-            f"<figcaption>{escape(caption)}</figcaption></figure>")  # fmt: skip
+    return (
+        f'<figure class="card"><img src="{source}" alt="{escape(described)}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------- facts
@@ -248,11 +283,15 @@ def _timings(timings):
     if not rows:
         return ""
     total = sum(seconds for _, seconds, _ in rows)
-    body = "".join(f"<tr><td>{escape(label)}</td><td>{_clock(seconds)}</td><td>{_or_none(memory, '{:,.0f}')}</td></tr>"
-                   for label, seconds, memory in sorted(rows, key=lambda row: -row[1]))  # fmt: skip
-    return (f'<p class="soft">{len(rows)} jobs, {_clock(total)} of work in all.</p><div class="card scroll"><table>'
-            f"<thead><tr><th>job</th><th>time</th><th>memory<small>MB at most</small></th></tr></thead><tbody>{body}"
-            "</tbody></table></div>")  # fmt: skip
+    body = "".join(
+        f"<tr><td>{escape(label)}</td><td>{_clock(seconds)}</td><td>{_or_none(memory, '{:,.0f}')}</td></tr>"
+        for label, seconds, memory in sorted(rows, key=lambda row: -row[1])
+    )
+    return (
+        f'<p class="soft">{len(rows)} jobs, {_clock(total)} of work in all.</p><div class="card scroll"><table>'
+        f"<thead><tr><th>job</th><th>time</th><th>memory<small>MB at most</small></th></tr></thead><tbody>{body}"
+        "</tbody></table></div>"
+    )
 
 
 def _benchmark(path):

@@ -81,8 +81,9 @@ def _tables(head, rows):
     if head[0] != "subject":
         return _table(columns, rows) + below
     subjects = dict.fromkeys(row[0] for row in rows)
-    tables = (f"<h3>{escape(name)}</h3>" + _table(columns[1:], [row for row in rows if row[0] == name])
-              for name in subjects)  # fmt: skip
+    tables = (
+        f"<h3>{escape(name)}</h3>" + _table(columns[1:], [row for row in rows if row[0] == name]) for name in subjects
+    )
     return "".join(tables) + below
 
 
@@ -92,13 +93,18 @@ def _columns(head):
     means = {part["name"]: i for i, part in enumerate(parts) if not part["spread"]}
     spreads = {means.get(part["name"] or "mean"): i for i, part in enumerate(parts) if part["spread"]}
     spreads.pop(None, None)  # a deviation of no mean is a column of its own
-    return [(part["name"] + (part["spread"] or ""), part["unit"] or "", i, spreads.get(i))
-            for i, part in enumerate(parts) if i not in spreads.values()]  # fmt: skip
+    return [
+        (part["name"] + (part["spread"] or ""), part["unit"] or "", i, spreads.get(i))
+        for i, part in enumerate(parts)
+        if i not in spreads.values()
+    ]
 
 
 def _table(columns, rows):
-    head = "".join(f"<th>{escape(name.replace('_', ' '))}<small>{escape(unit) or '&nbsp;'}</small></th>"
-                   for name, unit, *_ in columns)  # fmt: skip
+    head = "".join(
+        f"<th>{escape(name.replace('_', ' '))}<small>{escape(unit) or '&nbsp;'}</small></th>"
+        for name, unit, *_ in columns
+    )
     body = ""
     for row in rows:
         texts = [_shown(row[i], "" if spread is None else row[spread]) for _, _, i, spread in columns]
@@ -137,5 +143,6 @@ def _curves(label, head, rows, over):
             across.append(_number(row[at]))
             line.append(_number(row[i]))
     source = line_chart(lines, over, head[values[0]] if len(values) == 1 else "")
-    return (f'<div class="curves"><figure class="card"><img src="{source}" alt="curves of {escape(label)}"></figure>'
-            "</div>")  # fmt: skip
+    return (
+        f'<div class="curves"><figure class="card"><img src="{source}" alt="curves of {escape(label)}"></figure></div>'
+    )

@@ -29,11 +29,20 @@ PLACES = {  # whose, in keys down to the words
 }
 WORD_KEYS = ("word", "text", "token", "value", "punctuatedword", "content", "label")
 SECONDS = {  # for start and end: key -> its unit in seconds
-    "start": {"start": 1, "begin": 1, "onset": 1, "starttime": 1, "ts": 1, "startms": 1e-3, "startmilliseconds": 1e-3,
-              "offsetmilliseconds": 1e-3, "starttimems": 1e-3},
+    "start": {
+        "start": 1,
+        "begin": 1,
+        "onset": 1,
+        "starttime": 1,
+        "ts": 1,
+        "startms": 1e-3,
+        "startmilliseconds": 1e-3,
+        "offsetmilliseconds": 1e-3,
+        "starttimems": 1e-3,
+    },
     "end": {"end": 1, "stop": 1, "endtime": 1, "endts": 1, "endms": 1e-3, "endmilliseconds": 1e-3, "endtimems": 1e-3},
     "duration": {"duration": 1, "dur": 1, "durationmilliseconds": 1e-3, "durationms": 1e-3},
-}  # fmt: skip
+}
 TICK = 1e-7  # seconds; Azure's whole numbers
 TIMELIKE = ("time", "start", "end", "begin", "offset", "stamp")
 
@@ -45,8 +54,11 @@ def read_json(path, text, recording):
     if isinstance(content, dict) and isinstance(content.get("tiers"), dict):
         return _aligner(path, content["tiers"])
     notes, entries = _entries(path, content)
-    rows = [(f"word {i}", *_row(path, i, entry, first=i == 1)) for i, entry in enumerate(entries, 1)
-            if not _punctuation(entry)]  # fmt: skip
+    rows = [
+        (f"word {i}", *_row(path, i, entry, first=i == 1))
+        for i, entry in enumerate(entries, 1)
+        if not _punctuation(entry)
+    ]
     if rows and not any(is_time(start) or is_time(end) for *_, start, end in rows):
         strange = sorted({key for entry in entries for key in entry if any(part in key for part in TIMELIKE)})
         known = set().union(*SECONDS.values()) | ({"startoffset", "endoffset"} if "case" in entries[0] else set())

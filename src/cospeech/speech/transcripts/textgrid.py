@@ -9,12 +9,62 @@ TOKEN = re.compile(
     r'"((?:[^"]|"")*)"|(?<!\S)![^\r\n]*|(?<!\S)(<exists>|<absent>|[-+]?[\d.][\d.e+-]*|-?nan|-?inf)(?!\S)', re.IGNORECASE
 )
 CHRONOLOGICAL = "Praat chronological TextGrid text file"
-WORDS = {"word", "words", "ort", "wort", "worte", "wörter", "woerter", "mot", "mots", "palabra", "palabras", "tokens",
-         "tokensalign", "token"}  # fmt: skip
-PHONES = {"phone", "phones", "phoneme", "phonemes", "phons", "phonalign", "phono", "mau", "segment", "segments", "seg",
-          "syllable", "syllables", "syll", "syl", "kan", "mas", "sampa", "ipa", "pho"}  # fmt: skip
-SENTENCES = {"sentence", "sentences", "utterance", "utterances", "utt", "phrase", "phrases", "trn", "transcript",
-             "transcription", "ortho", "ipu", "ipus", "turn", "turns", "text"}  # fmt: skip
+WORDS = {
+    "word",
+    "words",
+    "ort",
+    "wort",
+    "worte",
+    "wörter",
+    "woerter",
+    "mot",
+    "mots",
+    "palabra",
+    "palabras",
+    "tokens",
+    "tokensalign",
+    "token",
+}
+PHONES = {
+    "phone",
+    "phones",
+    "phoneme",
+    "phonemes",
+    "phons",
+    "phonalign",
+    "phono",
+    "mau",
+    "segment",
+    "segments",
+    "seg",
+    "syllable",
+    "syllables",
+    "syll",
+    "syl",
+    "kan",
+    "mas",
+    "sampa",
+    "ipa",
+    "pho",
+}
+SENTENCES = {
+    "sentence",
+    "sentences",
+    "utterance",
+    "utterances",
+    "utt",
+    "phrase",
+    "phrases",
+    "trn",
+    "transcript",
+    "transcription",
+    "ortho",
+    "ipu",
+    "ipus",
+    "turn",
+    "turns",
+    "text",
+}
 SILENT = {"", "sil", "sp", "spn", "#", "_", "<p:>", "<eps>"}
 
 
@@ -45,7 +95,7 @@ def read_textgrid(path, text, recording):
 
 def word_tier(path, tiers):
     """The (name, intervals) that holds words, of [(name, [(start, end, label)])]."""
-    spoken = lambda rows: [label.strip() for *_, label in rows if label.strip().lower() not in SILENT]  # noqa: E731
+    spoken = lambda rows: [label.strip() for *_, label in rows if label.strip().lower() not in SILENT]
     named = [tier for tier in tiers if _parts(tier[0]) & WORDS]
     named = [tier for tier in named if not _parts(tier[0]) & PHONES - {"mau"}] or named
     if named:

@@ -63,7 +63,7 @@ class Proportions:
     @classmethod
     def mixed(cls, figures, weights):
         """The weighted mean of some figures; weights sum to one."""
-        blend = lambda name: sum(w * getattr(f, name) for f, w in zip(figures, weights, strict=True))  # noqa: E731
+        blend = lambda name: sum(w * getattr(f, name) for f, w in zip(figures, weights, strict=True))
         return cls(blend("lengths"), blend("rest"), blend("skull"))
 
 

@@ -54,13 +54,19 @@ def collect(takes, levels="expressive43", *, filters=None, embeddings=None, refe
     names = parts[0].keys()
     clips = {speaker: [take.clip for take in of_one] for speaker, of_one in kept.items()}
     corpus = Corpus(
-        table, list(kept), vocabulary, np.concatenate([p["vectors"][p["valid"]] for p in parts]).mean(axis=0).ravel(),
+        table,
+        list(kept),
+        vocabulary,
+        np.concatenate([p["vectors"][p["valid"]] for p in parts]).mean(axis=0).ravel(),
         mean_lengths([take.clip for take in listed], table),
         {speaker: measure_proportions(of_one, table) for speaker, of_one in clips.items()},
-        _table_of_takes(kept, listed, parts), np.zeros(0, np.int64), np.zeros(0, np.int64),
-        {name: np.concatenate([part[name] for part in parts]) for name in names}, counts,
+        _table_of_takes(kept, listed, parts),
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+        {name: np.concatenate([part[name] for part in parts]) for name in names},
+        counts,
         references={name: references[name] for name in kept} if references else {},
-    )  # fmt: skip
+    )
     corpus.window_take, corpus.window_frame = _windows(listed, parts, table, filters, counts)
     _report(counts, filters)
     return corpus
@@ -120,12 +126,15 @@ def _arrays(take, table, vocabulary):
 
 
 def _table_of_takes(kept, listed, parts):
-    begins = lambda name: np.cumsum([0] + [len(part[name]) for part in parts])[:-1]  # noqa: E731
+    begins = lambda name: np.cumsum([0] + [len(part[name]) for part in parts])[:-1]
     return {
         "name": [take.name for take in listed],
         "speaker": np.repeat(np.arange(len(kept)), [len(of_one) for of_one in kept.values()]),
-        "frame": begins("vectors"), "column": begins("mel"), "s2g_column": begins("s2g_mel"), "sample": begins("wave"),
-    }  # fmt: skip
+        "frame": begins("vectors"),
+        "column": begins("mel"),
+        "s2g_column": begins("s2g_mel"),
+        "sample": begins("wave"),
+    }
 
 
 def _windows(listed, parts, table, filters, counts):

@@ -27,8 +27,13 @@ SAMPLES = round(FRAMES / FPS * RATE)  # 36267
 STARTS = 64  # beginnings of training windows that a model keeps to start from
 KEYS = ("poses", "words", "mel", "wave", "s2g_mel", "speaker")
 CLOCKS = {
-    "vectors": "frame", "valid": "frame", "words": "frame", "mel": "column", "s2g_mel": "s2g_column", "wave": "sample",
-}  # fmt: skip
+    "vectors": "frame",
+    "valid": "frame",
+    "words": "frame",
+    "mel": "column",
+    "s2g_mel": "s2g_column",
+    "wave": "sample",
+}
 
 
 @dataclass
@@ -183,7 +188,7 @@ class Corpus:
     def read(cls, path):
         """Read a file of `write`; the big arrays stay in it until they are asked for."""
         with reading_hdf5(path, SCHEMA) as file:
-            text = lambda name: list(file[name].asstr()[()])  # noqa: E731
+            text = lambda name: list(file[name].asstr()[()])
             vectors = file["vocabulary/vectors"][()] if "vocabulary/vectors" in file else None
             vocabulary = Vocabulary(tuple(text("vocabulary/words")), vectors)
             figures = {
@@ -193,10 +198,20 @@ class Corpus:
             takes = {"name": text("takes/name")} | {k: v[()] for k, v in file["takes"].items() if k != "name"}
             references = {name: pictures[()] for name, pictures in file.get("references", {}).items()}
             return cls(
-                level_table(file.attrs["levels"]), text("speakers"), vocabulary,
-                file["mean"][()], file["lengths"][()], figures, takes, file["windows/take"][()],
-                file["windows/frame"][()], {}, json.loads(file.attrs["counts"]), path, references,
-            )  # fmt: skip
+                level_table(file.attrs["levels"]),
+                text("speakers"),
+                vocabulary,
+                file["mean"][()],
+                file["lengths"][()],
+                figures,
+                takes,
+                file["windows/take"][()],
+                file["windows/frame"][()],
+                {},
+                json.loads(file.attrs["counts"]),
+                path,
+                references,
+            )
 
 
 def check_rate(fps):

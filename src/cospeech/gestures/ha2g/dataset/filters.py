@@ -47,7 +47,7 @@ class Filters:
         the mean pose, see `mean_pose`. A window is counted under the first filter that it fails. Returns
         (kept (N,) bool, {filter name: dropped}).
         """
-        over = lambda per_frame: sliding_window_view(per_frame, frames, axis=0)[starts]  # noqa: E731
+        over = lambda per_frame: sliding_window_view(per_frame, frames, axis=0)[starts]
         joints = positions_from_vectors(vectors, table.lengths, table)
         spine = np.degrees(np.arccos(np.clip(vectors[:, 0] @ UP, -1, 1)))
         wrists = [table.joints.index(name) for name in ("left_wrist", "right_wrist")]

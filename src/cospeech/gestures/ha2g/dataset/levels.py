@@ -75,9 +75,13 @@ def level_table(name):
     table = read_yaml(files("cospeech.gestures.ha2g.dataset") / f"{name}.yaml")
     numbers = {key: np.array(table[key], np.int64).reshape(-1, n) for key, n in (("angle_pairs", 2), ("palm_pairs", 3))}
     return LevelTable(
-        name, *zip(*table["joints"], strict=True), np.array([bone[:2] for bone in table["bones"]]),
-        np.array([bone[2] for bone in table["bones"]]), tuple(np.array(level) for level in table["levels"]), **numbers,
-    )  # fmt: skip
+        name,
+        *zip(*table["joints"], strict=True),
+        np.array([bone[:2] for bone in table["bones"]]),
+        np.array([bone[2] for bone in table["bones"]]),
+        tuple(np.array(level) for level in table["levels"]),
+        **numbers,
+    )
 
 
 def included_angles(vectors, table):

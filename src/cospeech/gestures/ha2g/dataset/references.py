@@ -94,7 +94,7 @@ def take_reference_frames(subject, films, stretches, *, count=Settings.count, si
     notes = dict.fromkeys(note for take in takes if (note := films[take][1].licence_note))
     return ReferenceFrames(
         subject, np.stack(pictures), takes, np.array(times), np.array(sureness, np.float32), "; ".join(notes)
-    )  # fmt: skip
+    )
 
 
 def evenly(available, count):

@@ -103,7 +103,7 @@ def voiced_shares(words, samples, rate):
     times = (np.arange(count) + 0.5) * size / rate
     word = np.searchsorted(words.start, times, side="right") - 1
     spoken = (word >= 0) & (times < np.append(words.end, 0.0)[word])
-    share = lambda mask: float(voiced[mask].mean()) if mask.any() else float("nan")  # noqa: E731
+    share = lambda mask: float(voiced[mask].mean()) if mask.any() else float("nan")
     return share(spoken), share(~spoken)
 
 

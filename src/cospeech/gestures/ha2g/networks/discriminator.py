@@ -17,10 +17,14 @@ class Discriminator(nn.Module):
     def __init__(self, channels, frames, slope=0.2, width=1.0, layers=4, dropout=0.3):
         super().__init__()
         self.convolutions = nn.Sequential(
-            nn.Conv1d(channels, 16, 3), nn.BatchNorm1d(16), nn.LeakyReLU(slope),
-            nn.Conv1d(16, 8, 3), nn.BatchNorm1d(8), nn.LeakyReLU(slope),
+            nn.Conv1d(channels, 16, 3),
+            nn.BatchNorm1d(16),
+            nn.LeakyReLU(slope),
+            nn.Conv1d(16, 8, 3),
+            nn.BatchNorm1d(8),
+            nn.LeakyReLU(slope),
             nn.Conv1d(8, 8, 3),
-        )  # fmt: skip
+        )
         hidden = scaled(64, width)
         self.gru = GRU(8, hidden, layers, dropout, twice=True)  # by the penalty `r1`
         self.frame = nn.Linear(hidden, 1)

@@ -45,8 +45,11 @@ class GRU(nn.GRU):
     def _as_onnx(self, x):
         """The same in ONNX's own operator; torch's exporter would unroll every frame, which takes it minutes."""
         x = x.transpose(0, 1)
-        attributes = {"hidden_size": self.hidden_size, "linear_before_reset": 1,
-                      "direction": "bidirectional" if self.bidirectional else "forward"}  # fmt: skip
+        attributes = {
+            "hidden_size": self.hidden_size,
+            "linear_before_reset": 1,
+            "direction": "bidirectional" if self.bidirectional else "forward",
+        }
         for layer in range(self.num_layers):
             inputs, states, biases_in, biases = (
                 torch.stack([self._in_onnx_order(weights) for weights in directions])

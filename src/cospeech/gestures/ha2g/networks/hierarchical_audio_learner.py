@@ -24,9 +24,7 @@ class SqueezeExcitation(nn.Module):
     def __init__(self, channels, reduction=REDUCTION):
         super().__init__()
         hidden = max(1, channels // reduction)
-        self.gate = nn.Sequential(
-            nn.Linear(channels, hidden), nn.ReLU(), nn.Linear(hidden, channels), nn.Sigmoid()
-        )  # fmt: skip
+        self.gate = nn.Sequential(nn.Linear(channels, hidden), nn.ReLU(), nn.Linear(hidden, channels), nn.Sigmoid())
 
     def forward(self, x):
         return x * self.gate(x.mean((2, 3)))[:, :, None, None]
@@ -38,14 +36,16 @@ class Block(nn.Module):
     def __init__(self, channels_in, channels, stride=1):
         super().__init__()
         self.body = nn.Sequential(
-            nn.Conv2d(channels_in, channels, 3, stride, 1, bias=False), nn.ReLU(), nn.BatchNorm2d(channels),
-            nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels), SqueezeExcitation(channels),
-        )  # fmt: skip
+            nn.Conv2d(channels_in, channels, 3, stride, 1, bias=False),
+            nn.ReLU(),
+            nn.BatchNorm2d(channels),
+            nn.Conv2d(channels, channels, 3, 1, 1, bias=False),
+            nn.BatchNorm2d(channels),
+            SqueezeExcitation(channels),
+        )
         self.skip = nn.Identity()
         if stride > 1 or channels_in != channels:
-            self.skip = nn.Sequential(
-                nn.Conv2d(channels_in, channels, 1, stride, bias=False), nn.BatchNorm2d(channels)
-            )  # fmt: skip
+            self.skip = nn.Sequential(nn.Conv2d(channels_in, channels, 1, stride, bias=False), nn.BatchNorm2d(channels))
 
     def forward(self, x):
         return F.relu(self.body(x) + self.skip(x))

@@ -17,9 +17,7 @@ class Level(nn.Module):
     def __init__(self, channels, conditions, hidden, layers, dropout):
         super().__init__()
         self.gru = GRU(channels + 1 + conditions, hidden, layers, dropout)
-        self.head = nn.Sequential(
-            nn.Linear(hidden, hidden // 2), nn.LeakyReLU(0.2), nn.Linear(hidden // 2, channels)
-        )  # fmt: skip
+        self.head = nn.Sequential(nn.Linear(hidden, hidden // 2), nn.LeakyReLU(0.2), nn.Linear(hidden // 2, channels))
 
     def forward(self, x):
         return self.head(self.gru(x))
@@ -34,7 +32,7 @@ def inferred_levels(table, hierarchy="full"):
     hierarchy : "full", every level; "none", the holistic generator of Table 4; "body", the hands at once (Table 4's
         "without hand hierarchy"); "hands", the body at once ("without body hierarchy").
     """
-    of_hands = lambda v: any(finger in table.joints[table.bones[v][1]] for finger in FINGERS)  # noqa: E731
+    of_hands = lambda v: any(finger in table.joints[table.bones[v][1]] for finger in FINGERS)
     body = [level for level, added in enumerate(table.levels) if not of_hands(added[0])]
     hands, last = range(len(body), len(table.levels)), len(table.levels) - 1
     chosen = {"full": [*body, *hands], "none": [], "body": body, "hands": [body[-1], *hands]}[hierarchy]

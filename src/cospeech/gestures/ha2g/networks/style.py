@@ -94,7 +94,7 @@ class StyleCoordinator(nn.Module):
             self.embedding = nn.Embedding(speakers, 16) if speakers else None
             self.body = nn.Sequential(
                 nn.Linear(16 if speakers else size, 16), nn.ELU(), nn.Linear(16, 32), nn.ELU(), nn.Linear(32, count)
-            )  # fmt: skip
+            )
         else:
             self.body = nn.Linear(size, count)
         barred = [0.0 if level in audio_levels else -torch.inf for level in LEVELS]
