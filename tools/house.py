@@ -27,7 +27,7 @@ STRANGERS = [{room, other} for room in ("posenet", "people") for other in ("gest
 
 # Figure: (limit, aim). None may grow beyond its limit; who makes one smaller lowers its limit, until it is the aim.
 LIMITS = {
-    "files that name velocity_gan": (5, 3),  # a model's name stands in the registry, and in what is generated from it
+    "files that name velocity_gan": (4, 3),  # a model's name stands in the registry, and in what is generated from it
     "csv.writer": (1, 1),  # one table writer
     "ddof": (1, 1),  # one deviation over seeds
     "constants stated twice": (20, 0),

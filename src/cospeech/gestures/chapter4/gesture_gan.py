@@ -44,7 +44,7 @@ class Settings(Section, section="gesture_gan"):
     adversary: str = key(
         "audio_pose",
         "what the discriminator judges: nothing (so regression), speech and pose (so gesture_gan), the pose alone, or "
-        "its change from frame to frame (so velocity_gan, after Ginosar et al. 2019)",
+        "its change from frame to frame (after Ginosar et al. 2019)",
         limits=one_of(*ADVERSARIES),
         published=LEFT_OUT,  # the model's name decides
     )
