@@ -9,62 +9,9 @@ TOKEN = re.compile(
     r'"((?:[^"]|"")*)"|(?<!\S)![^\r\n]*|(?<!\S)(<exists>|<absent>|[-+]?[\d.][\d.e+-]*|-?nan|-?inf)(?!\S)', re.IGNORECASE
 )
 CHRONOLOGICAL = "Praat chronological TextGrid text file"
-WORDS = {
-    "word",
-    "words",
-    "ort",
-    "wort",
-    "worte",
-    "wörter",
-    "woerter",
-    "mot",
-    "mots",
-    "palabra",
-    "palabras",
-    "tokens",
-    "tokensalign",
-    "token",
-}
-PHONES = {
-    "phone",
-    "phones",
-    "phoneme",
-    "phonemes",
-    "phons",
-    "phonalign",
-    "phono",
-    "mau",
-    "segment",
-    "segments",
-    "seg",
-    "syllable",
-    "syllables",
-    "syll",
-    "syl",
-    "kan",
-    "mas",
-    "sampa",
-    "ipa",
-    "pho",
-}
-SENTENCES = {
-    "sentence",
-    "sentences",
-    "utterance",
-    "utterances",
-    "utt",
-    "phrase",
-    "phrases",
-    "trn",
-    "transcript",
-    "transcription",
-    "ortho",
-    "ipu",
-    "ipus",
-    "turn",
-    "turns",
-    "text",
-}
+WORDS = re.compile(r"words?|ort|worte?|wörter|woerter|mots?|palabras?|tokens?|tokensalign")
+PHONES = re.compile(r"phon(es?|emes?|s|align|o)|mau|seg(ments?)?|syl(l|lables?)?|kan|mas|sampa|ipa|pho")
+SENTENCES = re.compile(r"sentences?|utt(erances?)?|phrases?|trn|transcript(ion)?|ortho|ipus?|turns?|text")
 SILENT = {"", "sil", "sp", "spn", "#", "_", "<p:>", "<eps>"}
 
 
@@ -95,23 +42,25 @@ def read_textgrid(path, text, recording):
 
 def word_tier(path, tiers):
     """The (name, intervals) that holds words, of [(name, [(start, end, label)])]."""
-    spoken = lambda rows: [label.strip() for *_, label in rows if label.strip().lower() not in SILENT]
-    named = [tier for tier in tiers if _parts(tier[0]) & WORDS]
-    named = [tier for tier in named if not _parts(tier[0]) & PHONES - {"mau"}] or named
+    named = [tier for tier in tiers if _called(tier[0], WORDS)]
     if named:
-        return next((tier for tier in named if spoken(tier[1])), named[0])
-    possible = [tier for tier in tiers if not _parts(tier[0]) & (PHONES | SENTENCES)]
-    if len(tiers) == 1 and possible:
-        return possible[0]
-    possible = [(name, rows) for name, rows in possible if mean([" " in x for x in spoken(rows)] or [1]) < 0.5]
+        return next((tier for tier in named if _spoken(tier[1])), named[0])
+    possible = [tier for tier in tiers if not _called(tier[0], PHONES) and not _called(tier[0], SENTENCES)]
+    possible = [(name, rows) for name, rows in possible if mean([" " in x for x in _spoken(rows)] or [0]) < 0.5]
     if not possible:
         names = ", ".join(repr(name) for name, _ in tiers)
         raise NotATranscript(f"{path}: no tier of words among {names}; name it 'words'")
-    return max(possible, key=lambda tier: mean(len(label) for label in spoken(tier[1])))  # of sounds and syllables
+    return max(
+        possible, key=lambda tier: mean([len(label) for label in _spoken(tier[1])] or [0])
+    )  # of sounds and syllables
 
 
-def _parts(name):
-    return set(re.split(r"[\W_\d]+", name.strip().lower()))
+def _spoken(rows):
+    return [label.strip() for *_, label in rows if label.strip().lower() not in SILENT]
+
+
+def _called(name, kind):
+    return any(kind.fullmatch(part) for part in re.split(r"[\W_\d]+", name.strip().lower()))
 
 
 def _tiers(tokens):
