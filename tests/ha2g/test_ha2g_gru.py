@@ -48,7 +48,7 @@ def test_states_and_gradients_are_those_of_torch(windows, frames, channels, hidd
     for name, ours_at, theirs_at in [("x", ours.grad, theirs.grad)] + [
         (name, parameter.grad, of_plain[name].grad) for name, parameter in gru.named_parameters()
     ]:
-        scale = theirs_at.abs().max().item() + 1e-3
+        scale = theirs_at.abs().max().item() + 0.1  # a small gradient is a sum of numbers around 1, each rounded
         assert (ours_at - theirs_at).abs().max().item() < 3e-5 * scale, name
 
 
