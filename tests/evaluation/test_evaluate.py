@@ -118,6 +118,16 @@ def test_pieces_are_long_valid_runs_with_their_own_clock():
     assert [len(piece.positions) for piece in take.pieces()] == [20]
 
 
+def test_a_mismatched_frame_counts_where_motion_and_speech_are_both_valid():
+    frames = np.arange(120)
+    motion = Take(frames, frames, frames >= 20, np.array([1.0]), 15.0)
+    speech = Take(frames[:100] + 500, frames[:100] + 500, frames[:100] < 90, np.array([2.0, 6.6]), 15.0)
+    under = motion.with_speech_of(speech)
+    assert np.flatnonzero(under.valid).tolist() == list(range(20, 90))
+    assert (under.positions[0], under.features[0], len(under.features)) == (0, 500, 100)
+    assert under.onsets == pytest.approx([2.0, 6.6])
+
+
 def test_a_single_clip_is_mismatched_by_its_halves(training_part, feature_net, speaker):
     clip, samples, rate = speaker(300, seconds=40)
     reference = Reference.build({"one": clip}, training_part, feature_net, {"one": (samples, rate)})
